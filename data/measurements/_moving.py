@@ -110,9 +110,12 @@ def without_motion(measurement: Measurement, axes: Sequence[str]) -> Measurement
         for axis, part in errors.items()
         if part.clock is not None and f"{axis}.velocity" in values
     }
+    # What was shown is late and in motion: it is no second word on the error.
+    shown = {f"{axis}.actual" for axis in errors}
+    kept = {role: column for role, column in values.items() if role not in shown}
     return dataclasses.replace(
         measurement,
-        values=RoleValues(values | gaps),
+        values=RoleValues(kept | gaps),
         units=units,
         remarks=tuple(remarks),
         late=late,

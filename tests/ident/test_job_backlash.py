@@ -260,6 +260,30 @@ def test_trace_over_reversals_gives_the_size_too(tmp_path: Path) -> None:
     assert found.fit.standard_deviation < 0.1 * WIDTH
 
 
+def test_an_instrument_that_is_late_contradicts_no_error(tmp_path: Path) -> None:
+    time = np.arange(0.0, 40.0, 0.005)
+    # One feed: lost motion and what the instrument is late by go the same way.
+    ramp = np.clip(np.abs(time % 8.0 - 4.0) - 2.0, -1.9, 1.9)
+    place = np.convolve(np.pad(50.0 * ramp, 20, "edge"), np.full(41, 1 / 41), "valid")
+    way = np.sign(np.gradient(place))
+    true = place - 0.5 * way * WIDTH
+    actual = np.interp(time - 0.006, time, true)
+    actual += NOISE * np.random.default_rng(5).normal(size=time.size)
+    table = np.column_stack([time, place, actual])
+    np.savetxt(
+        tmp_path / "dial.csv", table, "%.6f", ",", header="t,enc,ref", comments=""
+    )
+    columns = (
+        "[measurements.dial.columns]\n"
+        'time = { column = "t", unit = "s" }\n'
+        '"X.position" = { column = "enc", unit = "mm" }\n'
+        '"X.encoder" = { column = "enc", unit = "mm" }\n'
+        '"X.actual" = { column = "ref", unit = "mm" }\n'
+    )
+    found = run(tmp_path, columns=columns)
+    assert abs(found.width - WIDTH) <= 4 * found.fit.standard_deviation
+
+
 def test_result_and_report_say_what_was_found(tmp_path: Path) -> None:
     readings(tmp_path)
     path = tmp_path / "job.toml"
