@@ -68,6 +68,28 @@ def test_deviations_hold_what_neighbours_in_time_share(tmp_path: Path) -> None:
     assert "follow each other err alike" in words(found)
 
 
+def test_a_group_holds_what_neighbours_in_time_share_once(tmp_path: Path) -> None:
+    rng = np.random.default_rng(51)
+    x, _ = there_and_back(16)
+    air = lfilter([1e-3 * np.sqrt(0.1)], [1.0, -0.95], rng.standard_normal(x.size))
+    error = 5e-3 * np.sin(x / 90.0) + air + 2e-4 * rng.standard_normal(x.size)
+    rows = np.column_stack([0.01 * np.arange(x.size), x, 1e3 * error, 1e3 * error])
+    header = "t [s],X.position [mm],Y.error [um],Z.error [um]"
+    np.savetxt(tmp_path / "log.csv", rows, "%.4f", ",", header=header, comments="")
+    text = "".join(f"[axes.{name}]\nnumber = {k}\n" for k, name in enumerate("XYZ", 1))
+    text += '[measurements.log]\nfile = "log.csv"\nactive = []\nremove = "none"\n'
+    for axis in "YZ":
+        own = CROSS.replace('"Z"', f'"{axis}"')
+        text += f'[[fits]]\nmeasurement = "log"\ngroup = "air"\n{own}'
+    (tmp_path / "job.toml").write_text(text)
+    for one in run_job(tmp_path / "job.toml", tmp_path / "out").tables:
+        (table,), (deviation,) = one.table.values(), one.standard_deviation.values()
+        off = table + 5e-3 * np.sin(np.arange(16) * 20 / 90)
+        ratio = off / deviation
+        # Sixteen nodes; counted once more by their passes it was 0.1.
+        assert 0.4 < np.sqrt(np.mean(np.square(ratio))) < 1.6
+
+
 def test_lost_motion_does_not_become_waves_of_a_surface(tmp_path: Path) -> None:
     rng = np.random.default_rng(52)
     x, way = there_and_back(11)

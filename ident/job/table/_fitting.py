@@ -268,14 +268,13 @@ def draft_of_share(plan: Plan, share: "Share") -> TableDraft:
     refuse_unowned_trend(plan, fit)
     if share.constant:
         fit = _doubted(plan, readings, samples, fit)
-    fit, alike = as_passes_differ(plan, readings.order, samples, fit)
     spread = float(np.hypot(share.noise, 1 / (np.sqrt(12.0) * LIST_UNITS)))
     heldout = HeldOut(
         residual=share.predicted[share.rows],
         standard_deviation=np.full(len(samples.error), spread),
         by_run=recording.by_run,
     )
-    effects, remarks = "offset" if fit.runs else "none", [*share.remarks(), *alike]
+    effects, remarks = "offset" if fit.runs else "none", share.remarks()
     draft = TableDraft(
         plan.job, plan.index, plan.fit, plan, fit, effects, readings, heldout, remarks
     )

@@ -72,18 +72,14 @@ def as_passes_differ(
     words = (
         "Readings of the log that follow each other err alike: the passes of a node differ by"
         f" {plan.small(np.sqrt(apart))} more than the scatter within them explains. The"
-        f"{' table is smoothed for it and the' * (fit.estimate is not None)} standard deviations"
-        " hold that; more passes make them smaller, more readings per second do not."
+        " table is smoothed for it and the standard deviations hold that; more passes make"
+        " them smaller, more readings per second do not."
     )
     times = max(between / float(np.average(square, weights=size)), 1.0)
-    if fit.estimate is None:  # one of a group was told with the others
-        deviation = np.sqrt(times) * np.asarray(fit.standard_deviation)
-    else:
-        fit = as_alike(fit, samples, every * times)
-        deviation = np.asarray(fit.standard_deviation)
+    fit = as_alike(fit, samples, every * times)
     # Passes that follow each other err alike as well.
     passed = independent(np.sqrt(size) * (mean - middle[place]))
-    deviation = np.sqrt(len(size) / passed) * deviation
+    deviation = np.sqrt(len(size) / passed) * np.asarray(fit.standard_deviation)
     return dataclasses.replace(fit, standard_deviation=deviation), [Remark.info(words)]
 
 
