@@ -238,7 +238,7 @@ def fitted(folder: Path) -> Path:
     """Run a job whose machine adds leadscrew entries as they stand."""
     laser(folder / "laser.csv")
     rules = StoredConventions(Conventions(leadscrew_sign=1))
-    (folder / "rules.toml").write_bytes(rules.dumps())
+    (folder / "rules.toml").write_bytes(rules.saved_over())
     job = screw_job(folder, axis="limits = [-20.0, 380.0]")
     text = job.read_text().replace("bilateral = true", "bilateral = false")
     job.write_text(f'{text}\n[machine]\nconventions = "rules.toml"\n')
