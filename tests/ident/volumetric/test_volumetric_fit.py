@@ -148,7 +148,10 @@ def test_independent_noise_is_no_drift(scattered: VolumetricFit) -> None:
     assert "err alike" not in " ".join(scattered.remarks())
 
 
-@pytest.mark.parametrize(("limit", "number"), [("_LARGE", 1), ("_MANY", 120)])
+@pytest.mark.parametrize(
+    ("limit", "number"),
+    [pytest.param("_LARGE", 1, marks=pytest.mark.heavy), ("_MANY", 120)],
+)
 def test_many_unknowns_know_of_a_drift_by_their_shapes_and_first_points(
     limit: str, number: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
