@@ -3,6 +3,9 @@
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
+from jaxtyping import Float
+
 from ...data.lists import ListFile
 from ..proof import GateCheck, choose_cycles, error_figures, gate_check
 from ..proof.axis import largest_step, switching_cycles
@@ -11,7 +14,7 @@ from .result._result import Remark
 from .result._verdict import GAIN
 
 if TYPE_CHECKING:
-    from ._draft import AbstractDraft
+    from ._draft import AbstractDraft, Foreseen
     from .table._draft import TableDraft
 
 
@@ -21,6 +24,8 @@ _WORSE = 1.25
 Where five runs hold nothing but scatter, the mean of four makes the fifth worse by √(1 + 1/4):
 such a list does no harm, and a second measurement may tell more. Above that it does harm.
 """
+_AS_PREDICTED = 1.1
+"""Error that a written list leaves relative to that on readings held out, at most."""
 
 
 def spread_over(
@@ -88,6 +93,28 @@ def fit_checks(draft: "AbstractDraft") -> Iterator[GateCheck]:
         )
         where = f"rms on readings that the fit did not see, limit {_WORSE:g} × before"
         yield gate_check(GAIN, predicted, _WORSE * before, draft.unit, where)
+
+
+def leaves_what_was_predicted(
+    left: Float[np.ndarray, " n"],
+    foreseen: "Foreseen",
+    spare: float,
+    unit: str,
+    where: str,
+) -> GateCheck:
+    """Return the line of the gate for a list that is no sum of what was fitted.
+
+    Args:
+        left: What the list leaves of each reading, in the unit.
+        foreseen: What was predicted of them.
+        spare: What it may leave besides, as rounding does.
+        unit: Of all, for the line.
+        where: Words for the readings.
+    """
+    stages, wild = (left, foreseen.predicted), foreseen.wild
+    rms, predicted = (error_figures(s, wild=wild).sound.rms for s in stages)
+    limit = _AS_PREDICTED * predicted + spare
+    return gate_check("from_file", rms, limit, unit, f"{where}, limit as predicted")
 
 
 def holds_back(

@@ -273,6 +273,63 @@ def test_no_delay_is_found_where_there_is_none(
     assert not any("ms late against" in r.message for r in found.remarks)
 
 
+def without_rest(folder: Path, derived: bool, rested: int = 0) -> None:
+    """X goes from full acceleration into full deceleration and back; first some with rests."""
+    push, rest = np.full(50, FULL), np.zeros(50)
+    moves = [push, rest, -push, rest, -push, rest, push, rest] * rested
+    acceleration = np.concatenate([*moves, *([push, -push, -push, push] * 30)])
+    velocity = CYCLE * np.cumsum(acceleration)
+    time = CYCLE * np.arange(len(acceleration))
+    error = 0.008 / FULL * acceleration
+    error += NOISE * np.random.default_rng(0).normal(size=len(time))
+    table = {"time": time, "Z.error": error, "Y.position": 0.0 * time}
+    if derived:
+        table["X.position"] = CYCLE * np.cumsum(velocity)
+        table["Z.error"] = np.roll(error, -1)
+    else:
+        table |= {"X.acceleration": acceleration, "X.velocity": velocity}
+    values = np.column_stack(list(table.values()))
+    path, header = folder / "log.csv", ",".join(table)
+    np.savetxt(path, values, "%.7f", ",", header=header, comments="")
+
+
+@pytest.mark.parametrize("derived", [True, False])
+def test_accelerations_that_go_straight_into_others_are_refused(
+    tmp_path: Path, derived: bool
+) -> None:
+    without_rest(tmp_path, derived)
+    words = "120 of 120 accelerations of X go straight into others.* rest or cruise"
+    with pytest.raises(JobError, match=words):
+        run(tmp_path)
+
+
+@pytest.mark.parametrize("derived", [True, False])
+def test_those_that_go_straight_into_others_are_left_out(
+    tmp_path: Path, derived: bool
+) -> None:
+    without_rest(tmp_path, derived, rested=10)
+    found = run(tmp_path)
+    # 0.8 µm per mm/s² of one sign each; ten events with 50 readings of 0.5 µm: 0.03 µm.
+    expected = [[-0.008], [-0.008], [0.008], [0.008]]
+    np.testing.assert_allclose(found.entries, expected, atol=2e-4)
+    warnings = [r.message for r in found.remarks if r.level == "warning"]
+    assert any(re.match(r"1\d\d of 160 acc.* They were left out", w) for w in warnings)
+
+
+def test_a_list_that_leaves_more_than_predicted_fails_its_gate(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Amplitudes that rest on smeared edges: a third too small, and each by as much.
+    monkeypatch.setattr("axcomp.ident.kinds.crosstalk._events._LEVELLED", np.inf)
+    without_rest(tmp_path, derived=True)
+    found = run(tmp_path)
+    assert [check.name for check in found.gate if not check.passed] == ["from_file"]
+    words = [remark.message for remark in found.remarks if remark.level == "error"]
+    assert any("rest or cruise" in word for word in words)
+    assert found.error["from_file"].rms > 3 * found.error["predicted"].rms
+    assert not (tmp_path / "out" / "achskw3.lis").exists()
+
+
 def test_several_logs_are_joined_without_seeing_each_other(tmp_path: Path) -> None:
     log(tmp_path, moves=4)
     (tmp_path / "log2.csv").write_text((tmp_path / "log.csv").read_text())

@@ -9,12 +9,13 @@ import numpy as np
 from jaxtyping import Float
 
 from ....data.lists import Value
-from ....models import Crosstalk
+from ....models import Crosstalk, LegacyCrosstalk
 from ..._recording import JointData
+from ...exchange._units import LIST_UNITS
 from ...job._draft import AbstractDraft, Foreseen
-from ...job._gating import spread_over
+from ...job._gating import leaves_what_was_predicted, spread_over
 from ...job.result._result import Remark, staged
-from ...proof import GateCheck, reversal_dynamics
+from ...proof import GateCheck, error_figures, reversal_dynamics
 from ._events import cut_events, directed, held_shares
 from ._result import SHORT, CrosstalkResult, remarks_of
 from .effect import CrosstalkFit, full_offsets
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
     from ...job.write._lists import AxisFiles
     from .plan import CrosstalkPlan
 
+_RINGS = 0.05
+"""Share of an event that its list may leave where a filtered acceleration rings, and is held."""
 _STEPS = 60
 """Steps along each adaptation axis by which the surface is looked at."""
 _RESOLUTION = 41
@@ -168,7 +171,14 @@ class CrosstalkDraft(AbstractDraft):
             lines.append(
                 ("max_change", change, "mm", "against the list that was there")
             )
-        return tuple(limits.check(*line) for line in lines)
+        left, rms = self._left_by(model), error_figures(self.found.events.value).rms
+        spare = 1.0 / LIST_UNITS + _RINGS * rms
+        return (
+            *(limits.check(*line) for line in lines),
+            leaves_what_was_predicted(
+                left, self.foreseen, spare, "mm", "over all accelerations"
+            ),
+        )
 
     def _slopes(self, points: Float[np.ndarray, "p k"]) -> Iterator[tuple[float, str]]:
         """Yield the steepest slope under full acceleration along each adaptation axis."""
@@ -182,14 +192,15 @@ class CrosstalkDraft(AbstractDraft):
             yield (rise / float(step) if step > 0 else 0.0, name)
 
     def prove(self, done: "AxisFiles") -> CrosstalkResult:
-        fit, log = self.found, self.log
-        error = {self.axis: log.error[self.axis] + self.added_to_log(done)}
-        residual = cut_events(dataclasses.replace(log, error=error), fit.effect).value
+        fit, log, listing, read = self.found, self.log, done.compensation, None
+        if self.written and listing is not None:
+            read = crosstalk_from_list(listing, self.job.conventions)
+        residual = self._left_by(read)
         before, predicted, wild = self.foreseen
         return CrosstalkResult(
             **self.frame(done),
             error=staged(before, predicted, residual, wild),
-            remarks=(*remarks_of(self), *done.remarks),
+            remarks=(*remarks_of(self, done.gates[self.index]), *done.remarks),
             held_out="event",
             model=self.model if self.written else None,
             written=fit.kept(self.plan.acting) & self.written,
@@ -199,16 +210,25 @@ class CrosstalkDraft(AbstractDraft):
             time=log.clock_for(fit.effect.name)[fit.events.start],
         )
 
-    def added_to_log(self, done: "AxisFiles") -> Float[np.ndarray, " t"]:
-        """Return what the written file adds in each row beyond what acted already."""
-        listing, active = done.compensation, self.plan.acting
-        if not self.written or listing is None:
+    def _left_by(
+        self, model: Crosstalk | LegacyCrosstalk | None
+    ) -> Float[np.ndarray, " n"]:
+        """Return what a list leaves of each event in mm, cut out of the log once more."""
+        log, form = self.log, self.found.effect
+        error = {self.axis: log.error[self.axis] + self._added_to_log(model)}
+        return cut_events(dataclasses.replace(log, error=error), form).value
+
+    def _added_to_log(
+        self, model: Crosstalk | LegacyCrosstalk | None
+    ) -> Float[np.ndarray, " t"]:
+        """Return what a list adds in each row beyond what acted already, in mm."""
+        active = self.plan.acting
+        if model is None:
             return np.zeros(len(self.log))
         # Beside an event the direction is that of the event.
         form = self.found.effect
         pull, speed, *places = form.columns_of(directed(self.log, form))
         motion = pull, speed, np.reshape(places, (-1, len(pull))).T
-        model = crosstalk_from_list(listing, self.job.conventions)
         added = np.asarray(model.offset(*motion))
         return added if active is None else added - np.asarray(active.offset(*motion))
 

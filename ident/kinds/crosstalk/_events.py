@@ -33,6 +33,13 @@ _ROWS = 4
 """Rows of an event at least."""
 _BLIND = 1e6
 """Variance of an event, relative to one reading, from which on it says nothing."""
+_LEVELLED = 8.0
+"""Variance of an event, in that where the level is known, from which on the level is open.
+
+Where accelerations go straight into others, the rows over which a filter of 22 Hz smears them
+make 10 of it for those of 0.1 s, and more for longer ones; a tenth of the time at rest makes 5,
+an acceleration like a sine 2.5. What shorter ones make of it, the gate sees (`from_file`).
+"""
 _DEARER = 4.0
 """Variance by impulses, in that of least squares, up to which impulses are preferred."""
 _BLURRED = 4.0
@@ -188,8 +195,10 @@ def cut_events(data: JointData, form: Crosstalk, over: Sequence[str] = ()) -> Ev
         words = "found time that does not ascend, expected a log in the order of time"
         msg = f"reading {row + 2}: {words}."
         raise FitError(msg)
-    cut, error = [], data.error[form.axis]
-    for event in _windows(data, form):
+    cut, error, windows = [], data.error[form.axis], [*_windows(data, form)]
+    for event in windows:
+        if not event.has_level:
+            continue
         rows, weight = slice(event.start, event.stop), event.share**2
         place, signal = weight @ places[rows] / weight.sum(), acceleration[rows]
         sound = _sound(event.design, error[event.rows])
@@ -211,6 +220,8 @@ def cut_events(data: JointData, form: Crosstalk, over: Sequence[str] = ()) -> Ev
         peak = signal[np.argmax(np.abs(signal))]
         edges, wild = (event.start, event.stop), int((~sound).sum())
         cut.append((*edges, event.branch, place, peak, *size, wild, False))
+    if windows and not cut:
+        raise FitError(without_level(len(windows), len(windows), form))
     if not cut:
         msg = (
             f"no acceleration of the master reaches {100 * _LEAST:.0f} % of "
@@ -219,6 +230,21 @@ def cut_events(data: JointData, form: Crosstalk, over: Sequence[str] = ()) -> Ev
         )
         raise FitError(msg)
     return Events(*map(np.array, zip(*cut, strict=True)))
+
+
+def without_level(count: int, total: int, form: Crosstalk) -> str:
+    """Return words for so many accelerations of all that cannot be told from the level."""
+    return (
+        f"{count} of {total} accelerations of {form.master} go straight into others, or lack"
+        f" readings of {form.axis} beside them: the error of {form.axis} that they cause cannot be"
+        f" told from its level. Let {form.master} rest or cruise between any two accelerations, as"
+        " long as each of them lasts."
+    )
+
+
+def count_cut(data: JointData, form: Crosstalk) -> int:
+    """Return how many events a log has, with those that cannot be told from the level."""
+    return sum(1 for _ in _windows(data, form))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -241,6 +267,18 @@ class _Window:
     share: Float[np.ndarray, " e"]
     rows: Int[np.ndarray, " w"]
     design: Float[np.ndarray, "w c"]
+
+    @property
+    def has_level(self) -> bool:
+        """Whether the amplitude of the event can be told from the level of the error.
+
+        Where events go straight into others only their edges tell it. There a filter has
+        smeared the acceleration and not the error, which makes the amplitude a third too small.
+        """
+        normal = self.design.T @ self.design
+        if np.linalg.matrix_rank(self.design, 1.0 / _BLIND) < len(normal):
+            return False
+        return bool(np.linalg.inv(normal)[0, 0] * normal[0, 0] < _LEVELLED)
 
 
 def _windows(data: JointData, form: Crosstalk) -> Iterator[_Window]:
@@ -394,7 +432,8 @@ def _amplitude(
     the error, and too small where the acceleration is noisy. What a filter keeps is the
     impulse: sums over each event, instead of products with its shares, are the instruments
     that hit the factor all the same (A. Wald, Ann. Math. Stat. 11, 1940). Where the master
-    accelerates all the time they tell no level, and least squares have to do.
+    accelerates all the time they tell no level, and least squares have to do: by the shape of
+    the accelerations, which must not be that of their edges alone (`_Window.has_level`).
     """
     events, level = design[:, :-2], design[:, -2:]
     shown = events != 0

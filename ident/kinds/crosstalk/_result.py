@@ -1,7 +1,7 @@
 """What a job found of a crosstalk, and what a person must know of it."""
 
 import dataclasses
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
@@ -10,7 +10,9 @@ from jaxtyping import Bool, Float, Int
 from ....data.signals import strokes_alike
 from ....models import Crosstalk
 from ...job.result._result import AbstractResult, Remark
+from ...proof import GateCheck
 from . import BRANCHES
+from ._events import count_cut, without_level
 from .effect import CrosstalkFit
 
 if TYPE_CHECKING:
@@ -129,16 +131,24 @@ class CrosstalkResult(AbstractResult):
         }
 
 
-def remarks_of(draft: "CrosstalkDraft") -> Iterator[Remark]:
+def remarks_of(draft: "CrosstalkDraft", gate: Sequence[GateCheck]) -> Iterator[Remark]:
     """Return everything that the report has to say of a fit."""
     yield from draft.remarks
     yield from _of_the_events(draft)
     yield from _of_missing_tests(draft.found)
+    master = draft.fit.master
+    if any(check.name == "from_file" and not check.passed for check in gate):
+        yield Remark.error(
+            f"The list leaves more than was predicted (from_file): the acceleration of {master} is"
+            f" not that under which {draft.axis} errs, as where a filter smears short ones. Let"
+            f" {master} rest or cruise between any two accelerations, as long as each of them"
+            " lasts, and record faster."
+        )
     if draft.written:
         yield from _of_the_list(draft)
     else:
         yield from _why_nothing(draft.found)
-    master, log = draft.fit.master, draft.log
+    log = draft.log
     speed = np.nan_to_num(log.velocity[master])
     gone = np.cumsum(speed * np.gradient(log.clock_for(draft.fit.name)))
     if strokes_alike(log.acceleration[master], gone):
@@ -194,6 +204,10 @@ def _of_the_events(draft: "CrosstalkDraft") -> Iterator[Remark]:
     counts = np.bincount(events.branch, minlength=len(BRANCHES))
     parts = [f"{n} of {name}" for n, name in zip(counts, BRANCHES, strict=True)]
     yield Remark.info(f"{len(events)} events: {', '.join(parts)}.")
+    total, form = count_cut(draft.log, draft.found.effect), draft.found.effect
+    if (untold := total - len(events)) > 0:
+        words = f"{without_level(untold, total, form)} They were left out."
+        yield Remark.warning(words)
     if events.wild.any():
         words = f"{events.wild.sum()} events contradict the others and were left out."
         yield Remark.warning(words)

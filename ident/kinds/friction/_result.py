@@ -9,8 +9,10 @@ from jaxtyping import Bool, Float, Int
 
 from ....data.signals import median
 from ...friction import Choice, DriveSamples, FrictionFit, Knots, Stribeck
+from ...job._draft import Foreseen
+from ...job._gating import leaves_what_was_predicted
 from ...job.result._result import AbstractResult, Expectation
-from ...proof import CircularTest, ErrorFigures, GateCheck, error_figures, gate_check
+from ...proof import CircularTest, ErrorFigures, GateCheck, error_figures
 from ._identify import Identified
 from ._listing import LawCurve
 from ._recording import DriveRecording
@@ -19,8 +21,6 @@ _JOG = 1.0
 """Slowest speed in mm/s or °/s at which a person is told to move an axis."""
 _WILD = 7.0
 """Standard deviations beyond which a sample of the current is a fault."""
-_AS_PREDICTED = 1.1
-"""Error of the written list relative to that on windows held out, at most."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -61,15 +61,18 @@ class FrictionView:
         """Return the figures of an error over the samples in motion, which tell of friction."""
         return error_figures(error[self.samples.in_motion], wild=self.wild)
 
-    def gate(self, unit: float, name: str) -> GateCheck:
-        """Return whether the list leaves what was predicted, in a unit of current of this name.
+    @property
+    def foreseen(self) -> Foreseen:
+        """What is promised of the samples in motion."""
+        rows = self.samples.in_motion
+        return Foreseen(self.before[rows], self.predicted[rows], self.wild)
 
-        Rounding may cost as much as one unit of the list.
-        """
-        rms = self.figures(self.from_file).sound.rms
-        limit = _AS_PREDICTED * self.figures(self.predicted).sound.rms + unit
-        words = "over all speeds, limit as predicted"
-        return gate_check("from_file", rms, limit, name, words)
+    def gate(self, unit: float, name: str) -> GateCheck:
+        """Return whether the list leaves what was predicted, in a unit of current of this name."""
+        left = self.from_file[self.samples.in_motion]
+        return leaves_what_was_predicted(
+            left, self.foreseen, unit, name, "over all speeds"
+        )
 
 
 def view_of(

@@ -143,9 +143,7 @@ class FrictionDraft(AbstractDraft):
 
     @property
     def foreseen(self) -> Foreseen:
-        view = self.view
-        rows = view.samples.in_motion
-        return Foreseen(view.before[rows], view.predicted[rows], view.wild)
+        return self.view.foreseen
 
     def gate(self, cycles: int | None) -> tuple[GateCheck, ...]:
         assert self.knots is not None  # it is written
