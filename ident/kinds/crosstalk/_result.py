@@ -22,6 +22,8 @@ SHORT = ("accelerating +", "accelerating âˆ’", "decelerating +", "decelerating â
 """Words for the rows of `BRANCHES`: what the master does, and its direction."""
 _QUADRANTS = {"crosstalk_accelerate", "crosstalk_sign"}
 _COVERED = 0.995
+_FEW = 0.1
+"""Share of the events up to which it is no matter that they say nothing."""
 _HELD = 0.97
 """Part of an event that the list takes off, below which the master accelerates too hard."""
 
@@ -207,7 +209,9 @@ def _of_the_events(draft: "CrosstalkDraft") -> Iterator[Remark]:
     total, form = count_cut(draft.log, draft.found.effect), draft.found.effect
     if (untold := total - len(events)) > 0:
         words = f"{without_level(untold, total, form)} They were left out."
-        yield Remark.warning(words)
+        # At the ends of a log there is often one.
+        say = Remark.warning if untold > _FEW * total else Remark.info
+        yield say(words)
     if events.wild.any():
         words = f"{events.wild.sum()} events contradict the others and were left out."
         yield Remark.warning(words)
