@@ -10,6 +10,8 @@ import numpy as np
 from ._dates import is_instant
 from ._header import Name, bare_role, is_clock, roles_of
 from ._run_layouts import (
+    SHORT,
+    counts_rows,
     laser_without_header,
     one_column_per_run,
     one_row_per_run,
@@ -20,10 +22,6 @@ from ._titles import with_titles
 from ._units import find_unit
 from ._words import direction_of, is_own_reading
 
-_SHORT = 4
-"""Rows up to which a column of cells tells nothing of what it is."""
-_TELLING = 1000
-"""Rows that tell whether numbers count the rows."""
 _SURE = 0.6
 """Share of the steps by which one of two directions goes up more often than down."""
 
@@ -139,17 +137,20 @@ def _as_they_are(columns: Sequence[Column]) -> tuple[list[Column], list[str]]:
     result, remarks = list(columns), []
     kinds = {column.kind for column in columns}
     for at, column in enumerate(columns):
-        values = column.values[:_TELLING]
-        if column.role == "run" and column.text is None and values.size > _SHORT:
-            if np.unique(values).size == values.size:
-                result[at] = dataclasses.replace(column, role=None)
-                remarks.append(f"'{column.name}' counts the rows, and is no run.")
+        if column.role == "run" and counts_rows(column):
+            result[at] = dataclasses.replace(column, role=None)
+            remarks.append(f"'{column.name}' counts the rows, and is no run.")
         words = dict.fromkeys(column.text or ())
         sides = set(map(direction_of, words))
         if column.kind == "direction" and sides == {None}:
             result[at], reason = _by_order(column, columns)
             remarks.append(f"'{column.name}' holds {', '.join(words)[:40]}: {reason}.")
-        if column.role is None and sides and sides <= {1, -1} and values.size > _SHORT:
+        if (
+            column.role is None
+            and sides
+            and sides <= {1, -1}
+            and column.values.size > SHORT
+        ):
             place = next((c.role for c in columns if c.kind == "position"), None)
             if place is not None and "direction" not in kinds:
                 role = place.replace("position", "direction")

@@ -26,6 +26,10 @@ from ._table import LASER_FORMAT, Column, Table, first_bad
 from ._words import is_leg, is_mean, kinds_in, words_in
 
 _KINDS = {"actual": "actual positions", "error": "errors"}
+SHORT = 4
+"""Rows up to which a column of cells tells nothing of what it is."""
+_TELLING = 1000
+"""Rows that tell whether numbers count the rows."""
 _FEWEST = 3
 """Targets of a table with one row per run."""
 _FOLLOWS = 0.1
@@ -176,7 +180,13 @@ def one_column_per_run(table: Table, names: Sequence[Name]) -> Table | None:
     legs = [
         at for at, item in runs.items() if item.direction and is_leg(names[at].header)
     ]
-    if legs and np.all(np.diff(place) < 0.0):
+    numbering = _numbering(table, names, runs)
+    steps = np.diff(place)
+    if numbering is not None:  # from run to run it goes back
+        column = table.columns[numbering]
+        cells = np.array(column.text or column.values.tolist())
+        steps = steps[cells[1:] == cells[:-1]]
+    if legs and np.all(steps < 0.0):
         for at in legs:
             direction = runs[at].direction
             turned = None if direction is None else -direction
@@ -195,7 +205,7 @@ def one_column_per_run(table: Table, names: Sequence[Name]) -> Table | None:
     axes = {*named} - {None}
     if len(axes) > 1 or (None in named and axes - {None, along}):
         return None  # readings of two axes side by side are no runs of one
-    result = _with_runs(table, target, numbered(runs))
+    result = _with_runs(table, target, numbered(runs), numbering)
     axis = axes.pop() if axes else None
     if axis is None:
         return dataclasses.replace(result, axis=result.axis or along)
@@ -286,7 +296,31 @@ def straightness(table: Table, axis: str, along: str, source: str) -> Table:
     )
 
 
-def _with_runs(table: Table, target: int, headings: Mapping[int, Heading]) -> Table:
+def counts_rows(column: Column) -> bool:
+    """Whether a column that is named as runs only numbers the rows: each is its own."""
+    values = column.values[:_TELLING]
+    alone = column.text is None and np.unique(values).size == values.size
+    return alone and values.size > SHORT
+
+
+def _numbering(
+    table: Table, names: Sequence[Name], headings: Mapping[int, Heading]
+) -> int | None:
+    """Return the column that says of which run a row is, beside one column per direction."""
+    sides = [item.direction for item in headings.values()]
+    if len({*sides}) < len(sides) or any(item.run for item in headings.values()):
+        return None
+    found = [at for at, name in enumerate(names) if bare_role(name) == "run"]
+    certain = len(found) == 1 and not counts_rows(table.columns[found[0]])
+    return found[0] if certain else None
+
+
+def _with_runs(
+    table: Table,
+    target: int,
+    headings: Mapping[int, Heading],
+    numbering: int | None,
+) -> Table:
     columns = list(table.columns)
     place = columns[target].values
     first = next(iter(headings))
@@ -304,11 +338,17 @@ def _with_runs(table: Table, target: int, headings: Mapping[int, Heading]) -> Ta
         if names.count(columns[at].name) > 1:
             name = f"{columns[at].name} (run {item.run})"
             columns[at] = dataclasses.replace(columns[at], name=name, header=name)
-    runs = len({item.run for item in headings.values()})
+    runs = f"{len({item.run for item in headings.values()})} runs"
+    layout = "run"
+    if numbering is not None:
+        column = columns[numbering]
+        columns[numbering] = dataclasses.replace(column, role="run")
+        count = len({*(column.text or column.values.tolist())})
+        runs, layout = f"{count} runs as '{column.name}' says", "direction"
     sides = len({item.direction for item in headings.values()} - {None})
     words = _KINDS[kind]
     remark = (
-        f"One column per run: {len(headings)} columns of {words}, {runs} runs"
+        f"One column per {layout}: {len(headings)} columns of {words}, {runs}"
         + {0: ", direction not named", 1: " in one direction", 2: ", both directions"}[
             sides
         ]

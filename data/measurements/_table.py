@@ -238,6 +238,11 @@ class Table:
     axis: str | None = None
     across: bool = False
 
+    def run_of(self, column: Column) -> int | None:
+        """Return the run that all readings of a column are of, unless another column says it."""
+        told = any(each.kind == "run" for each in self.columns)
+        return None if told else column.run
+
     def column(self, name: str) -> Column:
         """Return a column by name or header text; by number where there is no header.
 

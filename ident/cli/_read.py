@@ -112,7 +112,9 @@ def _print(table: "Table") -> None:
     heads = ["column", "role", "unit", "first row", "last row", "smallest", "largest"]
     clocked = any(column.sample_time is not None for column in table.columns)
     heads += ["samples", "every"] * clocked
-    console.print(table_of(heads, [_row(c, clocked=clocked) for c in table.columns]))
+    console.print(
+        table_of(heads, [_row(table, c, clocked=clocked) for c in table.columns])
+    )
     for name, number in table.scalars:
         say(f"scalar {name} = {number:.10g}")
     for remark in table.remarks:
@@ -125,7 +127,7 @@ def _print(table: "Table") -> None:
         say(f"… and {len(table.skipped) - _SHOWN} more (all of them with --json)")
 
 
-def _row(column: "Column", *, clocked: bool) -> list[str]:
+def _row(table: "Table", column: "Column", *, clocked: bool) -> list[str]:
     """Return the line of a column."""
     import numpy as np
 
@@ -133,8 +135,9 @@ def _row(column: "Column", *, clocked: bool) -> list[str]:
     if role and "." not in role and role not in ("time", "run"):
         role = f"<axis>.{role}"
     if column.run is not None:
+        run = table.run_of(column)
         side = {1: " +", -1: " -"}.get(column.direction or 0, "")
-        role = f"{role}, run {column.run}{side}"
+        role = f"{role},{'' if run is None else f' run {run}'}{side}"
     unit = "text" if column.text is not None else column.unit or ""
     finite = column.values[np.isfinite(column.values)]
     ends = [finite.min(), finite.max()] if finite.size else ["", ""]

@@ -362,7 +362,7 @@ def _of_runs(file: _File, *, undirected: bool) -> Unclear:
     """
     first, runs = file.runs[0], [each.column for each in file.runs]
     units = file.units(first.column, first.kind, file.axis_of(first))
-    ways = [[(column.run, column.direction) for column in runs]]
+    ways = [[(file.table.run_of(column), column.direction) for column in runs]]
     asks, apart = {"unit"} if len(units) > 1 else set[str](), None
     if undirected:
         asks |= {"direction"}
@@ -480,7 +480,8 @@ def own_roles(table: Table, axis: str | None) -> dict[str, ColumnSpec]:
         text = column.role if whole else f"{axis}.{column.role}"
         spec = _spec(column, column.unit)
         if column.run is not None:
-            run = dataclasses.replace(spec, run=column.run, direction=column.direction)
+            number, side = table.run_of(column), column.direction
+            run = dataclasses.replace(spec, run=number, direction=side)
             before = roles.get(text, ColumnSpec("", column.unit))
             spec = dataclasses.replace(before, parts=(*before.parts, run))
         roles[text] = spec

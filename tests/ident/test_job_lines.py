@@ -5,7 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from axcomp.data.measurements import Measurement, MeasurementError
+from axcomp.data.measurements import (
+    Measurement,
+    MeasurementError,
+    measurement,
+    read_table,
+)
 from axcomp.ident.job import JobError, load_job
 from axcomp.ident.readings import Tables
 
@@ -61,6 +66,41 @@ def test_an_empty_cell_of_a_run_is_no_reading(tmp_path: Path) -> None:
     found = measured(tmp_path, ROWS.replace("5,6", ",6"), WIDE)
     assert found.rows == 8
     assert "1 empty cells of X.error hold no reading." in found.remarks
+
+
+BOTH_WAYS = """Lauf;Soll [mm];hin [um];rück [um]
+3;0;1;6
+3;100;2;5
+3;200;3;4
+4;0;7;12
+4;100;8;11
+4;200;9;
+"""
+
+
+def test_columns_per_direction_have_their_runs_in_a_column(tmp_path: Path) -> None:
+    path = tmp_path / "laser.csv"
+    path.write_text(BOTH_WAYS, encoding="utf-8")
+    table = read_table(path)
+    assert "2 runs as 'Lauf' says, both directions" in table.remarks[0]
+    found = measurement(table, axis="X")
+    # One run after the other, each there and back.
+    errors = 1000.0 * found.require("X.error")
+    np.testing.assert_allclose(errors, [1, 2, 3, 4, 5, 6, 7, 8, 9, 11, 12])
+    assert found.require("run").tolist() == [3] * 6 + [4] * 5
+    assert (
+        found.require("X.direction").tolist() == [1] * 3 + [-1] * 3 + [1] * 3 + [-1] * 2
+    )
+
+
+@pytest.mark.parametrize("listed", [1, -1])
+def test_a_column_that_counts_the_rows_is_no_run(tmp_path: Path, listed: int) -> None:
+    rows = [f"{k + 1};{20 * listed * k};{k};{k + 5}" for k in range(6)]
+    path = tmp_path / "laser.csv"
+    head = "Lauf;Soll [mm];hin [um];rück [um]"
+    path.write_text("\n".join([head, *rows]) + "\n", encoding="utf-8")
+    found = measurement(read_table(path), axis="X")
+    assert set(found.require("run").tolist()) == {1}
 
 
 def test_one_value_stands_for_all_rows(tmp_path: Path) -> None:
