@@ -147,8 +147,9 @@ def table_of(
         lines=lines,
         skipped=(*layout.skipped, *skipped),
         form=form,
+        titles=dict((*layout.comments, *layout.titles)),
     )
-    return with_meaning(table, layout.names, dict((*layout.comments, *layout.titles)))
+    return with_meaning(table, layout.names)
 
 
 _Read = tuple[list[Column], Int[np.ndarray, " t"], list[Skipped]]

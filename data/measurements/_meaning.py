@@ -3,7 +3,7 @@
 import dataclasses
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -26,16 +26,14 @@ _SURE = 0.6
 """Share of the steps by which one of two directions goes up more often than down."""
 
 
-def with_meaning(
-    table: Table, names: Sequence[Name], titles: Mapping[int, str]
-) -> Table:
+def with_meaning(table: Table, names: Sequence[Name]) -> Table:
     """Return a text table whose columns have the roles that the file states.
 
     Args:
         table: As read.
         names: One per column.
-        titles: Lines above the header.
     """
+    titles = table.titles
     if (runs := _with_runs(table, names)) is not None:
         return with_titles(runs, titles)
     counted = _counted(names)

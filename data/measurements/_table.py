@@ -221,6 +221,7 @@ class Table:
         form: How a text table is written; None for all others.
         axis: Axis that the file says it is of, or None.
         across: Its errors are those of an axis across the one that moved: straightness.
+        titles: What the lines above the header of a text table say, comments too, by line.
     """
 
     path: Path
@@ -237,6 +238,7 @@ class Table:
     form: TextForm | None = None
     axis: str | None = None
     across: bool = False
+    titles: Mapping[int, str] = dataclasses.field(default_factory=dict)
 
     def run_of(self, column: Column) -> int | None:
         """Return the run that all readings of a column are of, unless another column says it."""

@@ -55,6 +55,18 @@ READ = frozenset(("error", "actual", "encoder", "current"))
 """Kinds of role that were measured."""
 _PROBED = 0.02
 """Share of the smallest other travel over which a probed surface deviates at most."""
+_STATES = frozenset(
+    "active inactive on off with without after before loaded enabled disabled yes no"
+    " aktiv aktiviert inaktiv ein aus an mit ohne nach vor geladen eingeschaltet"
+    " ausgeschaltet ja nein".split()
+)
+"""Words by which a title says whether something was on."""
+_AMBIENT = re.compile(
+    r"temp|umwelt|umgebung|environment|ambient|air|luft|material|wellenl|wavelength|refract"
+    r"|brech|weather|wetter|deadpath|abbe",
+    re.IGNORECASE,
+)
+"""What an instrument compensates itself."""
 _TARGETS = WORDS["position"] - {"pos", "position"}
 _STRAIGHT = frozenset(
     word for word in WORDS["error"] if word.startswith(("straight", "gerad"))
@@ -296,3 +308,12 @@ def owner_of(
         return home
     others = [axis for axis in ("Y", "Z", "X") if axis not in known]
     return (others[0] if others else known[0]), False
+
+
+def says_compensated(title: str) -> bool:
+    """Whether a title speaks of a compensation of the machine as on or off while measuring.
+
+    ``Kompensation aktiv: ja``, ``Measured with compensation``, ``nach Korrektur``.
+    """
+    state = bool(words_in([title]) & _STATES)
+    return state and says_correction(title) and not _AMBIENT.search(title)

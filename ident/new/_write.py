@@ -23,6 +23,7 @@ from ..proof import GateLimits
 from ..readings import Observation
 from ._columns import Meaning, own_roles
 from ._fits import Suggestion, trend_in
+from ._names import says_compensated
 from ._text import JobPage, Question
 
 
@@ -34,6 +35,12 @@ class Source:
     table: Table
     meaning: Meaning
     damaged: Sequence[CellError] = ()
+
+    @property
+    def state(self) -> tuple[int, str] | None:
+        """First line above the rows that speaks of a compensation as on or off, or None."""
+        lines = self.table.titles.items()
+        return next((line for line in lines if says_compensated(line[1])), None)
 
     @property
     def roles(self) -> dict[str, ColumnSpec]:

@@ -911,3 +911,26 @@ def test_an_instrument_that_counts_the_other_way_is_named(
     words = " ".join(str(each["words"]) for each in asked(tmp_path, capsys))
     assert "does the instrument count the other way? sign = -1" in words
     assert "is a unit wrong" not in words
+
+
+@pytest.mark.parametrize(
+    ("title", "asks"),
+    [
+        ("Kompensation aktiv: ja", True),
+        ("Measured with compensation (achskw1.lis loaded)", True),
+        ("# nach Korrektur", True),
+        ("Temperaturkompensation: ein", False),
+        ("Air compensation on", False),
+        ("Messung mit Laser 7", False),
+    ],
+)
+def test_a_title_that_speaks_of_a_compensation_asks_whether_it_was_on(
+    tmp_path: Path, title: str, asks: bool, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = "".join(f"{20 * k};{k}.5\n" for k in range(12))
+    job = new(
+        tmp_path, f"{title}\n\nSoll [mm];Abweichung [µm]\n{rows}", "--axis", "X=1"
+    )
+    abouts = [question["about"] for question in asked(tmp_path, capsys)]
+    assert ("measurements.readings.active" in abouts) == asks
+    assert ("\nactive = []" in job.read_text()) != asks
