@@ -25,9 +25,15 @@ def check_remarks(view: ListView) -> None:
         rule = REMARKS[remark.code]
         level: Level = rule.level
         line = view.line(remark.line)
+        message = f"{rule.message}: {remark.text}" if remark.text else rule.message
         if remark.code == RemarkCode.NO_VALUE and line.key in registry().by_key:
             level = "error"
-        message = f"{rule.message}: {remark.text}" if remark.text else rule.message
+        elif remark.code == RemarkCode.NO_VALUE and _is_cut(
+            view, remark.line, line.key
+        ):
+            level = "error"
+            words = "the file is cut off: its last line is the beginning of an entry"
+            message = f"{words}: {remark.text}"
         if counts[remark.code] > _REMARK_LIMIT:
             further = totals[remark.code] - _REMARK_LIMIT
             message = f"{rule.message}; {further} such places from here on"
@@ -39,6 +45,15 @@ def check_remarks(view: ListView) -> None:
             found=remark.text,
             expected=rule.expected,
         )
+
+
+def _is_cut(view: ListView, line: int, key: str) -> bool:
+    """Whether a line is the last one, has no end, and begins the name of a parameter."""
+    text = view.file.dumps()
+    last = line == len(text.splitlines()) and not text.endswith((b"\n", b"\r"))
+    return (
+        last and bool(key) and any(known.startswith(key) for known in registry().by_key)
+    )
 
 
 def check_names(view: ListView) -> None:

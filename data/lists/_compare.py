@@ -4,6 +4,7 @@ import dataclasses
 from collections.abc import Callable, Iterator
 from typing import Literal, TypeAlias
 
+from ._check import check
 from ._curves import OffsetCurve, offset_curves
 from ._entry import Rows
 from ._listfile import ListFile
@@ -77,6 +78,8 @@ class Comparison:
     action: Action
     reasons: tuple[str, ...]
     """Why a restart is needed, one sentence each."""
+    faults: tuple[str, ...] = ()
+    """Errors of the new list that `check` finds, one sentence each: it is not to be loaded."""
 
 
 def compare(old: ListFile, new: ListFile) -> Comparison:
@@ -91,7 +94,9 @@ def compare(old: ListFile, new: ListFile) -> Comparison:
     if changed:
         action = "restart" if reasons else "reload"
     curves = tuple(_curve_changes(offset_curves(old), offset_curves(new)))
-    return Comparison(changed, curves, action, reasons)
+    findings = check([new]) if changed else []
+    faults = tuple(str(one) for one in findings if one.level == "error")
+    return Comparison(changed, curves, action, reasons, faults)
 
 
 def _changes(old: ListFile, new: ListFile) -> Iterator[Change]:

@@ -120,8 +120,10 @@ def diff(
     *,
     out: Plots = None,
     as_json: AsJson = False,
-) -> None:
+) -> bool:
     """Say what changed between two lists, and whether a reload is enough.
+
+    A new list with errors (axcomp check) ends with exit status 1.
 
     Options:
         old: The list as it was.
@@ -147,6 +149,7 @@ def diff(
 
         before, after = map(offset_curves, lists)
         note((f"wrote {path}" for path in draw_tables(after, out, before)), "")
+    return not comparison.faults
 
 
 def _lines(comparison: "Comparison") -> list[str]:
@@ -162,12 +165,16 @@ def _lines(comparison: "Comparison") -> list[str]:
         lines += map(str, first)
         if len(changes) > len(first):
             lines.append(f"  ... and {len(changes) - len(first)} more of this table")
-    lines += map(str, comparison.curves)
+    if not comparison.faults:  # else a value that cannot be read would count as 0
+        lines += map(str, comparison.curves)
     actions = {
         "none": "No entry changed: nothing to load.",
         "reload": "A reload of the list is enough.",
         "restart": "The controller must be restarted:",
     }
+    if comparison.faults:
+        lines.append("The new list is not to be loaded as it is (axcomp check):")
+        return lines + [f"  {finding}" for finding in comparison.faults]
     lines.append(actions[comparison.action])
     lines += [f"  {reason}" for reason in comparison.reasons]
     return lines

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from axcomp.data.lists import ListFile, compare, offset_curves
+from axcomp.data.lists import ListFile, check, compare, offset_curves
 from axcomp.data.lists._curves import SIGNS
 
 
@@ -120,6 +120,28 @@ def test_changes_are_named_with_old_and_new_value() -> None:
         ("kw.ssfk.unit", 1, None),
     }
     assert found.action == "reload"
+
+
+@pytest.mark.parametrize("value", ["12,5", "0x1F", "99999999999999999999"])
+def test_a_new_value_that_cannot_be_loaded_is_a_fault(value: str) -> None:
+    found = compare(
+        parse(SCREW), parse(SCREW.replace("[1].pos 50", f"[1].pos {value}"))
+    )
+    (fault,) = found.faults
+    assert "kw.ssfk.table[1].pos" in fault
+    assert value in fault
+    assert not compare(
+        parse(SCREW), parse(SCREW.replace("[1].pos 50", "[1].pos 51"))
+    ).faults
+
+
+@pytest.mark.parametrize(
+    ("end", "is_cut"),
+    [("kw.ssfk.tab", True), ("kw.ssfk.tab\n", False), ("own.entry", False)],
+)
+def test_a_list_that_ends_in_an_entry_is_cut_off(end: str, is_cut: bool) -> None:
+    errors = [each for each in check([parse(SCREW + end)]) if each.level == "error"]
+    assert any("the file is cut off" in each.message for each in errors) == is_cut
 
 
 def test_largest_change_of_the_offset_is_found_between_different_nodes() -> None:
