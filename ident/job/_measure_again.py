@@ -27,7 +27,7 @@ from ._draft import AbstractDraft
 from .file._load import Job, load_job
 from .file._schema import MeasurementSpec
 from .result._job_result import JobResult
-from .result._result import AbstractResult, Remark
+from .result._result import AbstractResult, Remark, by_level
 from .result._second import LESS, MeasuredAgain, SecondMeasurement
 from .write._lists import AxisFiles
 
@@ -204,7 +204,10 @@ def measure_again(
                 before = before if fit.group is not None else readings.before
             diagnosis = _turned(fit, diagnosis, readings)
             again = MeasuredAgain(second.source, readings, diagnosis, before, predicted)
-        fits.append(dataclasses.replace(fit, again=again))
+        beginning = f"{fit.axis} {fit.compensation}: not judged: "
+        own = [one for one in remarks if one.message.startswith(beginning)]
+        told = by_level((*fit.remarks, *own)) if own else fit.remarks
+        fits.append(dataclasses.replace(fit, again=again, remarks=told))
     fits = [_beside(fit, fits) for fit in fits]
     settled, notes = _settled_by(fits)
     if settled:

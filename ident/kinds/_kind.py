@@ -45,7 +45,7 @@ class Kind:
         by_plc: A PLC may make its law instead of the axis list.
         adds: What the controller does with its entries, in a sentence.
         raw_tables: Names of its tables that are shown with their entries as they stand.
-        unseen: Why readings at standstill do not show it, in words; empty: they do.
+        unseen: Why a second measurement does not judge it, in words; empty: it does.
         build: First one of the controller that knows its keyword ([001] p.94); empty: all do.
     """
 

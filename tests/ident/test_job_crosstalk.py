@@ -435,6 +435,29 @@ def test_active_crosstalk_is_added_to_and_its_filter_stays(tmp_path: Path) -> No
     assert found.error["from_file"].rms < 0.05 * found.error["before"].rms
 
 
+def test_a_second_log_does_not_judge_it_and_the_result_says_so(tmp_path: Path) -> None:
+    log(tmp_path)
+    run(tmp_path)
+    keys = 'list = "out/achskw3.lis"'
+    again = JOB.format(axis=keys, active='["crosstalk"]', keys="", columns="")
+    (tmp_path / "after.toml").write_text(again.replace("log.csv", "again.csv"))
+    text = (tmp_path / "log.csv").read_text()
+    (tmp_path / "again.csv").write_text(f"{text.rstrip()}\n".replace(".0000000", ".0"))
+    result = run_job(
+        tmp_path / "job.toml", tmp_path / "out", after=tmp_path / "after.toml"
+    )
+    told = [
+        one.message for one in result.fits[0].remarks if "not judged" in one.message
+    ]
+    assert ["be they at standstill or in motion" in words for words in told] == [True]
+    assert "axcomp verify" in told[0]
+    assert not result.confirmed
+    steps = {step.action: step.detail for step in result.load_sheet}
+    last = steps["Measure once more with the list active"]
+    assert "--after" not in last
+    assert "axcomp verify --save" in last
+
+
 def test_list_of_the_older_form_is_replaced_and_not_mixed(tmp_path: Path) -> None:
     log(tmp_path)
     (tmp_path / "achskw3.lis").write_text(

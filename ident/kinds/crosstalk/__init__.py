@@ -22,8 +22,9 @@ KIND = Kind(
     adds="The controller adds the value to the command position of the axis while the master"
     " accelerates.",
     raw_tables=("position", "table"),
-    unseen="it acts while another axis accelerates, and readings at standstill do not show"
-    " it; compare a log of the controller (axcomp verify)",
+    unseen="it acts while another axis accelerates, and what changed between two measurements"
+    " is not compared there, be they at standstill or in motion; compare a log of the"
+    " controller (axcomp verify)",
     build="V3.1.3079.32",
 )
 BRANCHES = (

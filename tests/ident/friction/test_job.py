@@ -468,6 +468,7 @@ def test_a_second_measurement_of_friction_says_what_shows_it(tmp_path: Path) -> 
     warnings = [one.message for one in result.remarks if one.level == "warning"]
     assert len(warnings) == 1
     assert "X friction: not judged: it adds current and no position" in warnings[0]
+    assert warnings[0] in [one.message for one in result.fits[0].remarks]
 
 
 def test_a_time_in_microseconds_read_as_seconds_is_named(tmp_path: Path) -> None:
