@@ -2,6 +2,7 @@
 of this file, which shares no code with the models."""
 
 import itertools
+import re
 from pathlib import Path
 from typing import Any
 
@@ -494,7 +495,44 @@ def test_an_offset_that_no_rule_explains_does_not_agree(tmp_path: Path) -> None:
     log = plain_log(tmp_path, {"A3.leadscrew": screw() + other}, seed=1)
     one = only(verified(log, screw_list(), axis_list()))
     assert not one.agrees
+    # The part never exceeds the whole.
+    left, whole = map(float, re.findall(r"([\d.]+) µm", one.sentence)[:2])
     assert "not explained" in one.sentence
+    assert 30.0 < left <= whole < 70.0
+
+
+@pytest.mark.parametrize(
+    ("times", "words"),
+    [(0.0, "missing between the directions"), (2.0, "as if the backlash")],
+)
+@pytest.mark.parametrize("timed", [True, False])
+def test_difference_of_the_directions_that_is_missing_or_twice_does_not_agree(
+    tmp_path: Path, times: float, words: str, timed: bool
+) -> None:
+    # 2 µm of 20: a small part of what is added, all along the way.
+    ahead = 0.03 * np.sin(NODES / 70.0)
+    lines = [
+        "kopf.achs_nr 3", "kw.ssfk.unit 1", "kw.ssfk.interval 100000", "kw.ssfk.bilateral 1",
+        "kw.ssfk.kw_startpos 0", "kw.ssfk.kw_nr_max 31", "kw.ssfk.set_pos_without_comp 1",
+    ]  # fmt: skip
+    for k, (pos, neg) in enumerate(
+        zip(units(ahead), units(ahead - 0.002), strict=True)
+    ):
+        lines += [f"kw.ssfk.table[{k}].pos {pos}", f"kw.ssfk.table[{k}].neg {neg}"]
+    time = 0.01 * np.arange(4000)
+    place = 150.0 - 145.0 * np.cos(2 * np.pi * time / 20.0)
+    way = np.where(np.gradient(place) >= 0, 1, -1)
+    for share in (1.0, times):
+        added = -np.interp(place, NODES, ahead) + 0.002 * share * (way < 0)
+        first = time if timed else way
+        table = np.column_stack([first, place, np.round(added, 5)])
+        path = tmp_path / f"log_{share:.0f}.csv"
+        name = "time" if timed else "A3.direction"
+        head = f"{name},A3.position,A3.leadscrew"
+        np.savetxt(path, table, "%.6f", ",", header=head, comments="")
+        found = only(verified(read_log(path), listing("achskw3.lis", *lines)))
+        assert found.agrees == (share == 1.0), found.sentence
+        assert (words in found.sentence) == (share != 1.0)
 
 
 @pytest.mark.parametrize("rows", [400, 3])

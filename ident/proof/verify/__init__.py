@@ -24,7 +24,11 @@ from ._hypothesis import (
     Hypothesis as Hypothesis,
     fault_words as fault_words,
 )
-from ._judge import Verdict as Verdict, worst_of as worst_of
+from ._judge import (
+    Verdict as Verdict,
+    reversal_words as reversal_words,
+    worst_of as worst_of,
+)
 from ._log import LogMotion as LogMotion, Target as Target
 from ._search import Found as Found, search as search
 from ._verify import Verification as Verification, verify_log as verify_log

@@ -11,7 +11,7 @@ from jaxtyping import Float
 from ._channel import AbstractChannel
 from ._hypothesis import RULES, Hypothesis, fault_words, joined, other_rules
 from ._log import RESOLUTION
-from ._search import EQUAL, Found
+from ._search import EQUAL, Found, independent_of
 
 SETTLED = 2.0 * math.log(1000.0)
 """Difference of criteria from which on a convention is settled: odds of 1000 to 1."""
@@ -27,6 +27,8 @@ _SURE, _FAR = 3.0, 6.0
 """Deviations of a mean near a node from which on it is told, and contradicts."""
 _NOTHING = 0.1
 """Share of what a list says that is none of it, where it is no unit."""
+_REVERSED = 0.5
+"""Share of the difference of a table's directions from which on it is missing, or there twice."""
 _ROUGH = 0.25
 """Share of an offset that may be left unexplained before it is said not to agree."""
 
@@ -95,17 +97,23 @@ def judge_channel(channel: AbstractChannel, result: Found) -> Verdict:
     faults = best.hypothesis.faults(channel)
     whole_text = fault_words(best.hypothesis, channel)
     if unexplained > limit:
-        left_over, effect = _size_of(channel, unexplained), _size_of(channel, size)
+        logged = result.residual + result.column[rows]
+        whole = max(unexplained, float(np.sqrt(np.mean(np.square(logged)))))
+        left_over, effect = _size_of(channel, unexplained), _size_of(channel, whole)
         text = f"not explained: {left_over} of {effect} follow no rule that was tried"
-        if faults:
+        if faults and unexplained < whole:
             text += f" (nearest: {whole_text})"
-        still = np.abs(result.residual + result.column[rows]) < RESOLUTION / 100.0
+        still = np.abs(logged) < RESOLUTION / 100.0
         if still.mean() > _IDLE and channel.acting is None:
             text += (
                 f"; {100.0 * still.mean():.0f} % of the rows hold exactly 0: where it was"
                 " switched meanwhile, log one state only"
             )
         return silent(text)
+    if reversal := reversal_words(
+        channel, result, 0.0 if channel.two_way else _ROUGH * size
+    ):
+        return silent(f"not explained: {reversal}")
     named_rules = [
         f"{name} = {value}"
         for name, value in other_rules(best.hypothesis.change, channel.plain).items()
@@ -297,6 +305,52 @@ def worst_of(
         for axis, way, line in zip(masters, channel.ways, cells, strict=True)
     )
     return Worst(float(left[worst]), float(noise[worst]), ", ".join(words))
+
+
+def reversal_words(channel: AbstractChannel, result: Found, least: float = 0.0) -> str:
+    """Return what is left between the directions of motion, in words; empty: no more than chance.
+
+    Of a table with a column for each direction that is their difference, which may be missing or
+    there once more; of any other a step. `least` is how large it must be at the rows, as an rms in
+    mm or °.
+    """
+    motion, change, rows = channel.motion, result.best.change, result.rows
+    if not channel.ways or not {channel.axis} & {*motion.directions, *motion.positions}:
+        return ""
+    judged = np.arange(motion.rows)[motion.judged]
+    residual = result.residual[np.isin(judged, rows)]
+    if channel.two_way:
+        other = dataclasses.replace(change, turned=not change.turned)
+        half = (
+            0.5 * result.best.scale * (channel.column(change) - channel.column(other))
+        )
+    else:
+        half = channel.share(change) - 0.5
+    half = half[rows] - np.mean(half[rows])
+    power = float(half @ half)
+    if not power:
+        return ""
+    factor = float(half @ residual) / power
+    rest = residual - factor * half
+    samples = independent_of(channel, rows, rest)
+    noise = max(float(np.std(rest)), RESOLUTION) / math.sqrt(samples)
+    left = abs(factor) * math.sqrt(power / len(rows))
+    if left <= max(least, _FAR * noise):
+        return ""
+    between = _size_of(channel, 2.0 * left)
+    if not channel.two_way:
+        return f"{between} lie between the directions, which this table does not tell apart"
+    if factor <= -_REVERSED:
+        return (
+            f"{between} are missing between the directions, as if one column of the table"
+            " served both"
+        )
+    if factor >= _REVERSED:
+        return (
+            f"{between} too many lie between the directions, as if the backlash were"
+            " compensated twice"
+        )
+    return ""
 
 
 def systematic(residual: Float[np.ndarray, " r"]) -> float:

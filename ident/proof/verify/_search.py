@@ -86,7 +86,7 @@ def search(
         squares = sound.searched(start)
         best = sound.ranked(squares, float(len(sound.rows)))[0].hypothesis
         residual = sound.target.residual(sound.column(best))
-    samples = independent(residual)
+    samples = independent_of(channel, sound.rows, residual)
     best = sound.ranked(squares, samples)[0].hypothesis
     squares |= sound.squares(neighbours(channel, best))
     rivals = sound.ranked(squares, samples)
@@ -103,6 +103,30 @@ def search(
         rows=sound.rows,
         samples=samples,
     )
+
+
+def independent_of(
+    channel: AbstractChannel,
+    rows: Int[np.ndarray, " r"],
+    residual: Float[np.ndarray, " r"],
+) -> float:
+    """Return to how many independent rows a residual amounts, like beside like.
+
+    Rows of a recording follow each other in time. Those without time are sorted both ways: what
+    belongs to a direction alternates from place to place, what belongs to a place between the runs
+    through all of them, and neither is noise.
+    """
+    motion = channel.motion
+    if motion.time is None:
+        places = [
+            motion.positions[k][rows] for k in channel.masters if k in motion.positions
+        ]
+        way = motion.directions.get(channel.axis)
+        direction = [] if way is None else [way[rows]]
+        orders = [[*places[::-1], *direction], [*direction, *places[::-1]]]
+        if places or direction:
+            return min(independent(residual[np.lexsort(keys)]) for keys in orders)
+    return independent(residual)
 
 
 @dataclasses.dataclass(frozen=True)
