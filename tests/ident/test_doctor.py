@@ -121,6 +121,75 @@ def test_a_list_that_is_right_but_for_one_entry_is_not_called_right_without_more
         assert f"near A1 = {NODES[entry]:.4g}, as if an entry" in one.sentence
 
 
+GAP = 0.006 + 0.002 * np.sin(NODES / 200.0)
+
+
+def two_way(
+    effect: np.ndarray,
+    rng: np.random.Generator,
+    noise: float,
+    ahead: np.ndarray = ERROR,
+    gap: np.ndarray = GAP,
+    x: np.ndarray = X,
+    way: np.ndarray = WAY,
+) -> Diagnosis:
+    """Return the diagnosis of a table of two columns, measured in both directions."""
+    lines = [
+        "kopf.achs_nr 1", "kw.ssfk.unit 1", "kw.ssfk.interval 200000", "kw.ssfk.bilateral 1",
+        f"kw.ssfk.kw_startpos 0\nkw.ssfk.kw_nr_max {NODES.size}",
+        "kw.ssfk.set_pos_without_comp 1",
+    ]  # fmt: skip
+    for name, values in (("pos", ahead), ("neg", ahead - gap)):
+        entries = np.rint(1e4 * values).astype(int)
+        lines += [f"kw.ssfk.table[{k}].{name} {v}" for k, v in enumerate(entries)]
+    listing = ListFile.parse(("\n".join(lines) + "\n").encode(), "achskw1.lis")
+    bare = np.interp(x, NODES, ahead) - np.interp(x, NODES, gap) * (way < 0)
+    before, after = (
+        [Measured(1, {1: x}, values + noise * rng.normal(size=x.size), way)]
+        for values in (bare, bare + effect)
+    )
+    (found,) = diagnose([listing], before, after, Reading(Conventions()))
+    return found
+
+
+@pytest.mark.parametrize(
+    ("missing", "verdict", "words"),
+    [
+        (0.0, "right", "right: the list adds what it says"),
+        (0.1, "right", "right: the list adds what it says"),
+        (1.0, "other", "are missing between the directions, as if one column"),
+        (-1.0, "other", "too many lie between the directions, as if the backlash"),
+        (2.0, "swapped", "directions swapped"),
+    ],
+)
+def test_difference_of_the_directions_that_is_missing_or_twice_is_not_called_right(
+    missing: float, verdict: str, words: str
+) -> None:
+    # Rows of both directions alternate from place to place, and so does what is left.
+    gap = np.interp(X, NODES, GAP)
+    effect = -error(X) + gap * (WAY < 0) + 0.5 * missing * gap * WAY
+    rng = np.random.default_rng(3)
+    draws = [two_way(effect, rng, 2e-3) for _ in range(10)]
+    assert {one.verdict for one in draws} == {verdict}
+    assert all(words in one.sentence for one in draws)
+
+
+@pytest.mark.parametrize(
+    ("size", "length", "slope"), [(0.012, 130.0, -2e-5), (-0.020, 250.0, 0.0)]
+)
+def test_another_curve_is_no_table_that_lies_elsewhere_and_settles_no_sign(
+    size: float, length: float, slope: float
+) -> None:
+    # The list was never loaded, and something smooth acts in both directions alike.
+    ahead, gap = 3e-5 * NODES + 0.008 * np.sin(NODES / 90), np.full(NODES.size, 0.006)
+    x = np.tile(np.concatenate([NODES, NODES[::-1]]), 5)
+    way = np.tile(np.repeat([1, -1], NODES.size), 5)
+    effect = size * np.sin(x / length) + slope * x
+    one = two_way(effect, np.random.default_rng(1), 4e-4, ahead, gap, x, way)
+    assert one.verdict in {"other", "cannot tell"}, one.sentence
+    assert not one.sign
+
+
 @pytest.mark.parametrize("fault", ["right", "sign", "small unit", "shift", "twice"])
 def test_in_strong_noise_nothing_is_guessed(fault: str) -> None:
     rng = np.random.default_rng(19)

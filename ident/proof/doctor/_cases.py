@@ -17,6 +17,7 @@ from ..verify import (
     LogMotion,
     Target,
     fault_words,
+    reversal_words,
     search,
     worst_of,
 )
@@ -36,6 +37,12 @@ _BAND = 0.1
 
 _ALIKE = 0.7
 """Share of independent rows from which on what is left is noise."""
+
+_CHANCE = 3.0
+"""Deviations by which neighbours correlate before they are called alike."""
+
+_WHOLLY = 0.5
+"""Share of the effect of a list that may be left of one that is right as a whole."""
 
 _MOST_SHIFTS = 160
 
@@ -163,6 +170,7 @@ def cases_of(
         return [(0.0, Diagnosis(use.axis, use.name, "cannot tell"))], math.nan, None
     search_result = search(channel, target)
     best, cases = search_result.rivals[0], []
+    unlike = "" if blurred else _unlike(channel, search_result)
     for rival in search_result.rivals:
         change = rival.hypothesis.change
         shift = change.shift
@@ -175,24 +183,37 @@ def cases_of(
         if change.turned and rival is not best and not _turn_matters(channel):
             continue
         named = _named(rival.hypothesis, channel)
-        if rival is best and named.verdict == "right":
+        # What the best one leaves between the directions, others that turn them leave, too.
+        alike = rival is best or named.verdict in {"right", "swapped"}
+        if unlike and alike:
+            named = Diagnosis(use.axis, use.name, "other", sentence=unlike)
+        elif rival is best and named.verdict == "right":
             rows = scene.changes[use.axis].readings
             named = _as_a_whole(named, channel, search_result, rows)
-        elif rival is best and not blurred and _leaves_much(channel, search_result):
-            named = Diagnosis(use.axis, use.name, "other", sentence=_UNLIKE)
         cases.append((rival.criterion, named))
     cases += _elsewhere(use, scene, search_result)
     return cases, float(factor[0]), _blind(channel, target, search_result)
 
 
-def _leaves_much(channel: AbstractChannel, search_result: Found) -> bool:
-    """Return whether the best explanation leaves what is no noise: neighbours are alike."""
+def _unlike(channel: AbstractChannel, search_result: Found) -> str:
+    """Return what the best explanation leaves that is no noise, in words; empty: nothing."""
     if not channel.ways:
-        return False
-    listed = channel.column(channel.plain)[search_result.rows]
-    alike = search_result.samples < _ALIKE * len(search_result.rows)
-    left = float(np.std(search_result.residual))
-    return alike and left > _MATTERS * float(np.std(listed))
+        return ""
+    rows = search_result.rows
+    listed, added = channel.column(channel.plain)[rows], search_result.column[rows]
+    # Of a table applied elsewhere little may act where it was measured.
+    scale = abs(search_result.best.scale)
+    size = min(float(np.std(listed)), float(np.std(added)) / scale)
+    named = _named(search_result.best, channel).verdict
+    if named in {"right", "swapped"}:
+        share = _BAND if channel.two_way else _MATTERS
+        if reversal := reversal_words(channel, search_result, share * size):
+            return f"something else is added: {reversal}"
+    # Neighbours are alike, and more than chance makes them.
+    chance = 1.0 / (1.0 + 2.0 * _CHANCE / math.sqrt(len(rows)))
+    alike = search_result.samples < min(_ALIKE, chance) * len(rows)
+    much = (_WHOLLY if named == "right" else _MATTERS) * size
+    return _UNLIKE if alike and float(np.std(search_result.residual)) > much else ""
 
 
 def _as_a_whole(
