@@ -94,7 +94,7 @@ def judged(folder: Path, case: Case, name: str, seed: int) -> dict[str, np.ndarr
     shift = 0.0
     if found.fit.structure.directional:
         shift = 0.3 - found.fit.parameters["offset"]
-    ahead, back = np.split(truth(curve.velocity) + shift, 2)
+    ahead, back = truth(curve.speed) + shift, truth(-curve.speed) + shift
     share = curve.positive_share
     right = share * ahead - (1.0 - share) * back
     deviations: dict[str, Any] = said["standard_deviations"]
