@@ -235,6 +235,21 @@ def test_the_labels_of_the_picture_are_not_cut_off(tmp_path: Path) -> None:
             assert box.y1 <= plot.figure.bbox.y1, label.get_text()
 
 
+def of_trace(
+    folder: Path, time: np.ndarray, place: np.ndarray, actual: np.ndarray
+) -> BacklashResult:
+    table = np.column_stack([time, place, actual])
+    np.savetxt(folder / "dial.csv", table, "%.6f", ",", header="t,enc,ref", comments="")
+    columns = (
+        "[measurements.dial.columns]\n"
+        'time = { column = "t", unit = "s" }\n'
+        '"X.position" = { column = "enc", unit = "mm" }\n'
+        '"X.encoder" = { column = "enc", unit = "mm" }\n'
+        '"X.actual" = { column = "ref", unit = "mm" }\n'
+    )
+    return run(folder, columns=columns)
+
+
 def test_trace_over_reversals_gives_the_size_too(tmp_path: Path) -> None:
     rng = np.random.default_rng(5)
     time = np.arange(0.0, 60.0, 0.01)
@@ -243,18 +258,7 @@ def test_trace_over_reversals_gives_the_size_too(tmp_path: Path) -> None:
     place = size * np.sin(2 * np.pi * time / 6.0)
     way = np.where(np.cos(2 * np.pi * time / 6.0) >= 0, 1.0, -1.0)
     actual = place - 0.5 * way * WIDTH + NOISE * rng.normal(size=time.size)
-    table = np.column_stack([time, place, actual])
-    np.savetxt(
-        tmp_path / "dial.csv", table, "%.6f", ",", header="t,enc,ref", comments=""
-    )
-    columns = (
-        "[measurements.dial.columns]\n"
-        'time = { column = "t", unit = "s" }\n'
-        '"X.position" = { column = "enc", unit = "mm" }\n'
-        '"X.encoder" = { column = "enc", unit = "mm" }\n'
-        '"X.actual" = { column = "ref", unit = "mm" }\n'
-    )
-    found = run(tmp_path, columns=columns)
+    found = of_trace(tmp_path, time, place, actual)
     # 4 standard deviations, one seeded draw; and the deviation must mean something.
     assert abs(found.width - WIDTH) <= 4 * found.fit.standard_deviation
     assert found.fit.standard_deviation < 0.1 * WIDTH
@@ -269,18 +273,7 @@ def test_an_instrument_that_is_late_contradicts_no_error(tmp_path: Path) -> None
     true = place - 0.5 * way * WIDTH
     actual = np.interp(time - 0.006, time, true)
     actual += NOISE * np.random.default_rng(5).normal(size=time.size)
-    table = np.column_stack([time, place, actual])
-    np.savetxt(
-        tmp_path / "dial.csv", table, "%.6f", ",", header="t,enc,ref", comments=""
-    )
-    columns = (
-        "[measurements.dial.columns]\n"
-        'time = { column = "t", unit = "s" }\n'
-        '"X.position" = { column = "enc", unit = "mm" }\n'
-        '"X.encoder" = { column = "enc", unit = "mm" }\n'
-        '"X.actual" = { column = "ref", unit = "mm" }\n'
-    )
-    found = run(tmp_path, columns=columns)
+    found = of_trace(tmp_path, time, place, actual)
     assert abs(found.width - WIDTH) <= 4 * found.fit.standard_deviation
 
 
