@@ -546,6 +546,22 @@ def test_too_few_readings_are_refused() -> None:
         axcomp.fit_volumetric(MACHINE, axcomp.Points(position, measured(position)))
 
 
+@pytest.mark.other_types
+def test_directions_and_tools_that_are_none_are_refused() -> None:
+    position, flat = anywhere(4, 1), np.ones((4, 2))
+    for name, error in (
+        ("direction", np.zeros(4)),
+        ("tool", np.zeros((4, 3))),
+        ("run", np.zeros((4, 3))),
+    ):
+        wrong: Any = {name: flat}
+        with pytest.raises(FitError, match=rf"{name}: found shape \(4, 2\), expected"):
+            axcomp.Points(position, error, **wrong)
+    along = np.array([[1.0, 0, 0], [0, 0, 0], [0, 1, 0], [0, 0, 0]])
+    with pytest.raises(FitError, match="direction: found 2 of length 0, expected"):
+        axcomp.Points(position, np.zeros(4), along)
+
+
 def test_arrays_that_do_not_belong_together_are_refused() -> None:
     position = anywhere(4, 1)
     with pytest.raises(FitError, match=r"error: found shape \(4,\), expected \(4, 3\)"):
@@ -560,19 +576,6 @@ def test_arrays_that_do_not_belong_together_are_refused() -> None:
     )
     with pytest.raises(FitError, match="tool: found 2 rows, expected 4"):
         axcomp.Points(position, np.zeros((4, 3)), tool=np.zeros((2, 3)))
-    flat, along = (
-        np.ones((4, 2)),
-        np.array([[1.0, 0, 0], [0, 0, 0], [0, 1, 0], [0, 0, 0]]),
-    )
-    for name, error, wrong in (
-        ("direction", np.zeros(4), flat),
-        ("tool", np.zeros((4, 3)), flat),
-        ("run", np.zeros((4, 3)), flat),
-    ):
-        with pytest.raises(FitError, match=rf"{name}: found shape \(4, 2\), expected"):
-            axcomp.Points(position, error, **{name: wrong})
-    with pytest.raises(FitError, match="direction: found 2 of length 0, expected"):
-        axcomp.Points(position, np.zeros(4), along)
     nothing = axcomp.Points(position, np.full((4, 3), np.nan))
     with pytest.raises(FitError, match="no point with a position and an error"):
         axcomp.fit_volumetric(MACHINE, nothing)
