@@ -454,7 +454,7 @@ def outside(
         ends = nodes.positions[[0, -1]]
         column = positions[:, k]
         # A node lies at a whole list unit, the reading meant for it perhaps beside it.
-        edge = 1e-3 * float(np.diff(nodes.positions).min())
+        edge = _EDGE * float(np.diff(nodes.positions).min())
         beyond |= (column < ends[0] - edge) | (column > ends[1] + edge)
     return beyond
 

@@ -202,7 +202,7 @@ def _unlike(channel: AbstractChannel, search_result: Found) -> str:
     rows = search_result.rows
     listed, added = channel.column(channel.plain)[rows], search_result.column[rows]
     # Of a table applied elsewhere little may act where it was measured.
-    scale = abs(search_result.best.scale)
+    scale = abs(search_result.best.scale) or 1.0  # where nothing was added at all
     size = min(float(np.std(listed)), float(np.std(added)) / scale)
     named = _named(search_result.best, channel).verdict
     if named in {"right", "swapped"}:
