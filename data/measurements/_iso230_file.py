@@ -5,6 +5,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import final
 
+import numpy as np
+from jaxtyping import Float
+
 from ._derive import derive_error
 from ._direction import explain_direction
 from ._errors import MeasurementError
@@ -15,6 +18,10 @@ from ._measurement import measurement
 from ._read import read_table
 from ._roles import ColumnSpec, find_role
 from ._table import Table
+
+
+_ABSURD = 0.05
+"""Growth of the error per position that no machine has."""
 
 
 @final
@@ -116,9 +123,9 @@ def read_iso230(
     data = measurement(table, columns or {}, axis=name)
     position = data.require(f"{name}.position", "for an ISO 230-2 evaluation")
     direction = explain_direction(data, name)
-    result = iso230(
-        position, derive_error(data, name), data.get("run"), direction.values
-    )
+    error = derive_error(data, name)
+    _refuse_absurd(path, position, error)
+    result = iso230(position, error, data.get("run"), direction.values)
     skipped = (
         f"Skipped line {row.line}: {row.reason}."
         for row in table.skipped
@@ -128,6 +135,31 @@ def read_iso230(
     figures = dataclasses.replace(result, remarks=remarks)
     unit = data.units[f"{name}.position"]
     return Iso230Test(path, figures, unit, axis or "", table.missing)
+
+
+def _refuse_absurd(
+    path: Path, position: Float[np.ndarray, " t"], error: Float[np.ndarray, " t"]
+) -> None:
+    """Raise where errors grow along the axis as those of no machine do.
+
+    Raises:
+        MeasurementError: If they do.
+    """
+    known = np.isfinite(position + error)
+    if not known.any() or not np.ptp(position[known]):
+        return
+    slope = float(np.polyfit(position[known], error[known], 1)[0])
+    if abs(slope) > _ABSURD:
+        remedy = "state the unit of the column that is wrong (--column)"
+        if abs(slope + 2.0) < _ABSURD:
+            remedy = (
+                "the instrument counts the other way than the axis, turn its readings"
+            )
+        reason = (
+            f"found errors that grow by {slope:.3g} times the position, expected next to"
+            f" none: {remedy}"
+        )
+        raise MeasurementError(str(path), reason)
 
 
 def _only_axis(table: Table) -> str | None:

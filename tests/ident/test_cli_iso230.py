@@ -198,6 +198,27 @@ def test_iso230_refuses_what_is_no_test(
     assert match in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("factor", "said"), [(-1.0, "the other way"), (1.1, "the unit")]
+)
+def test_iso230_refuses_readings_of_another_sign_or_unit(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    factor: float,
+    said: str,
+) -> None:
+    rows = [
+        f"{place},{factor * (place + 0.002)},{run},{way}"
+        for run in (1, 2)
+        for way, places in (("+", (0, 100, 200)), ("-", (200, 100, 0)))
+        for place in places
+    ]
+    path = tmp_path / "laser.csv"
+    path.write_text("\n".join(["target,actual,run,direction", *rows]) + "\n")
+    assert main(["iso230", str(path)]) == 1
+    assert said in capsys.readouterr().err
+
+
 def test_single_run_cannot_be_judged(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
