@@ -19,7 +19,6 @@ from ._read import read_table
 from ._roles import ColumnSpec, find_role
 from ._table import Table
 
-
 _ABSURD = 0.05
 """Growth of the error per position that no machine has."""
 
