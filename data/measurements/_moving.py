@@ -182,6 +182,8 @@ def _error_of(
     place = encoder if encoder is not None else measurement.require(f"{axis}.position")
     place = np.asarray(place, dtype=float)
     reason = "its encoder was not recorded"
+    # From which side the axis came before its first motion, nobody knows.
+    since = time >= time[first_motion(time, place)]
     if encoder is not None:
         try:
             others = _others(measurement, axis)
@@ -190,8 +192,6 @@ def _error_of(
             raise MeasurementError(str(measurement.source), str(fault)) from fault
         if clock.determined:
             aligned = aligned_error(time, place, actual, clock)
-            # From which side the axis came before its first motion, nobody knows.
-            since = time >= time[first_motion(time, place)]
             return _Found(
                 aligned.instants,
                 np.where(since, aligned.error, np.nan),
@@ -200,6 +200,9 @@ def _error_of(
             )
         reason = clock.statement
     standstill = standing(time, place)
+    # A rest that is most of the log was no start: another axis moved meanwhile.
+    if 2 * (standstill & since).sum() > standstill.sum():
+        standstill = standstill & since
     error = np.where(standstill, actual - place, np.nan)
     count = int(np.isfinite(error).sum())
     if count < _LEAST:

@@ -1,5 +1,7 @@
 """How late an instrument is, told from the true error by changes of speed."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -199,6 +201,23 @@ def test_without_an_encoder_only_standstill_counts(tmp_path) -> None:  # type: i
     np.testing.assert_allclose(found.values["X.error"], 0.003, atol=2e-7)
     assert found.rows > 1000
     assert any("at standstill count" in words for words in found.remarks)
+
+
+@pytest.mark.parametrize(("stops", "kept"), [(10, False), (1, True)])
+def test_a_rest_before_the_first_motion_counts_only_where_it_is_most_of_the_log(
+    tmp_path: Path, stops: int, kept: bool
+) -> None:
+    # 4 s a stop. A single one beside 36 s at rest: another axis moved meanwhile.
+    time = 0.05 * np.arange(20 * (4 if stops > 1 else 36) + 80 * stops)
+    since = np.maximum(time - time[-1] + 4.0 * stops, 0.0)
+    place = 20.0 * (np.floor(since / 4.0) + np.clip(np.mod(since, 4.0), 0.0, 1.0))
+    log = written(
+        tmp_path, {"time": time, "X.position": place, "X.actual": place + 0.003}
+    )
+    found = with_error(without_motion(log, ["X"]), "X")
+    before = found.values["time"] < time[-1] - 4.0 * stops
+    assert before.any() == kept
+    assert (~before).any()
 
 
 def test_motion_without_encoder_or_pause_is_refused(tmp_path) -> None:  # type: ignore[no-untyped-def]
