@@ -1,5 +1,6 @@
 """What a fit has to say for itself, in sentences."""
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
@@ -110,7 +111,9 @@ def fit_remarks(
             " rms and max are given with and without them.",
         )
     if places:
-        words = f"Wild readings lie at {some_of(places, _MOST_WILD)}."
+        times = Counter(places).items()
+        names = [place + (f" ({n} of them)" if n > 1 else "") for place, n in times]
+        words = f"Wild readings lie at {some_of(names, _MOST_WILD)}."
         yield Remark.info(words)
     if fit.suspect_nodes:
         words = some_of([_node(draft, k) for k in fit.suspect_nodes], _MOST)

@@ -329,3 +329,21 @@ def test_termination_while_lists_are_written_waits_for_their_result(
         signal.signal(signal.SIGTERM, before)
     written = json.loads((tmp_path / "out" / "result.json").read_text())["digests"]
     assert "achskw1.lis" in written
+
+
+def test_wild_readings_of_one_place_are_named_once_with_their_number(
+    tmp_path: Path,
+) -> None:
+    # The file states no run: the readings of a place differ by nothing that could be named.
+    laser(tmp_path / "laser.csv", runs=9)
+    head, *rows = (tmp_path / "laser.csv").read_text().splitlines()
+    cells = [row.split(",")[:-2] + row.split(",")[-1:] for row in rows]
+    for k in (0, 18):
+        cells[k + 3][1] = str(float(cells[k + 3][1]) + 0.2)
+    lines = ["target,actual,direction", *(",".join(row) for row in cells)]
+    (tmp_path / "laser.csv").write_text("\n".join(lines) + "\n")
+    job = screw_job(tmp_path)
+    job.write_text(job.read_text().replace('loss = "gauss"', ""))
+    (fit,) = run_job(job, tmp_path / "out").fits
+    words = " ".join(remark.message for remark in fit.remarks)
+    assert "Wild readings lie at X = 150, positive (2 of them)." in words
