@@ -336,7 +336,7 @@ def test_wild_readings_of_one_place_are_named_once_with_their_number(
 ) -> None:
     # The file states no run: the readings of a place differ by nothing that could be named.
     laser(tmp_path / "laser.csv", runs=9)
-    head, *rows = (tmp_path / "laser.csv").read_text().splitlines()
+    _, *rows = (tmp_path / "laser.csv").read_text().splitlines()
     cells = [row.split(",")[:-2] + row.split(",")[-1:] for row in rows]
     for k in (0, 18):
         cells[k + 3][1] = str(float(cells[k + 3][1]) + 0.2)
