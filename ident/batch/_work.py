@@ -250,7 +250,7 @@ def _job_outcome(task: Task, order: Order, stage: Path) -> Outcome:
     verified = all(
         rule.state == "verified"
         for fit in result.fits
-        for rule in fit.conventions
+        for rule in fit.rules
         if rule.decides
     )
     # What lies there says what the result does: no need to read it back.

@@ -22,7 +22,8 @@ def leftovers(job: Job) -> dict[tuple[int, str], list["Acting"]]:
 
     A table of the axis list's own lists over the same axes would correct again what a new
     one corrects. Where the job says that it was off while measuring, and the axis list
-    that it acts, the new table is fitted to what it leaves.
+    that it acts, the new table is fitted to what it leaves. A backlash beside a table of
+    both directions is refused: it is one value, and such a table may hold it already.
 
     Raises:
         JobError: If the job does not say whether it acts, or acted.
@@ -30,7 +31,7 @@ def leftovers(job: Job) -> dict[tuple[int, str], list["Acting"]]:
     grouped = job.spec.grouped
     left: dict[tuple[int, str], list[Acting]] = {}
     for index, fit in enumerate(job.spec.fits):
-        if not fit.kind.table:
+        if not (fit.kind.table or fit.kind.follows == {"direction"}):
             continue
         before = job.lists[fit.axis]
         try:
@@ -46,7 +47,7 @@ def leftovers(job: Job) -> dict[tuple[int, str], list["Acting"]]:
                     continue
                 is_stated = job.spec.measurements[source].stated_active is not None
                 decided = before.machine is not None and is_stated
-                if not decided or index in grouped:
+                if not decided or index in grouped or not fit.kind.table:
                     raise _unclear(job, source, fit, name, before)
                 words = f"the {name} of {used[name].listing.source}"
                 acting = Acting(job, fit.axis, name, before, words)
@@ -152,6 +153,8 @@ def _overlapping(job: Job, fit: FitSpec, before: AxisLists) -> Iterator[str]:
             continue
         if "acceleration" in kind(name).follows:
             continue
+        if not fit.kind.table and not before.turns(name):
+            continue  # the same in both directions: no backlash
         if over & set(before.inputs(name) or (before.axis,)):
             yield name
 
@@ -225,20 +228,21 @@ def _unclear(
 ) -> Exception:
     """Return the error that the overlap is, with the keys that settle it."""
     entry, on = kind(name).activation, f'active = ["{name}"]'
+    unable = "fits of a group do" if fit.kind.table else f"a {fit.compensation} does"
     if before.machine is None:
         expected = (
             f"machine_data = the axis list, in [axes.{fit.axis}], whose {entry} says"
             f" whether it acts, or {on} with a measurement while it was on"
         )
-    elif job.spec.measurements[source].stated_active is None:
+    elif job.spec.measurements[source].stated_active is None and fit.kind.table:
         expected = (
             f"{on} if it was on, [] if it was off: the {fit.compensation} is then"
             " fitted to what it leaves"
         )
     else:
         expected = (
-            f"{on} with a measurement while it was on: fits of a group do not take it"
-            f" off; or {entry} 0"
+            f"{on} with a measurement while it was on: {unable} not take it off; or"
+            f" {entry} 0"
         )
     return job.error(
         ("measurements", source, "active"),

@@ -1,6 +1,7 @@
 """One fit of whatever compensation: planned, then fitted, alone or in a group, not yet written."""
 
 import abc
+import contextlib
 import dataclasses
 import functools
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -11,7 +12,8 @@ from jaxtyping import Bool, Float
 
 from ...data.lists import ListFile, Value
 from ...models import Conventions, TemperatureLine
-from ..exchange import AxisLists, ListTarget
+from ..exchange import AxisLists, ExchangeError, ListTarget
+from ..kinds import kind
 from ..kinds._keys import FitSpec
 from ..kinds._kind import Kind
 from ..proof import GateCheck
@@ -363,7 +365,7 @@ class AbstractDraft(AbstractOfFit):
 
     def frame(self, done: "AxisFiles") -> dict[str, Any]:
         """Return what every result says alike, as arguments of its class."""
-        rules = self.job.conventions, self.job.verified, self.kind.conventions
+        rules = self.job.conventions, self.job.verified
         names = {done.machine_name, *self.fit.plc_files}
         if self.kind.holder == "compensation":
             names.add(done.compensation_name)
@@ -373,10 +375,26 @@ class AbstractDraft(AbstractOfFit):
             "axis_number": done.number,
             "unit": self.unit,
             "gate": done.gates[self.index],
-            "conventions": _convention_states(*rules),
+            "conventions": _convention_states(*rules, self.kind.conventions),
+            "rests_on": _convention_states(*rules, self._beside(done)),
             "files": tuple(n for n in done.written if self.written and n.name in names),
             "findings": tuple(dataclasses.asdict(item) for item in done.findings),
         }
+
+    def _beside(self, done: "AxisFiles") -> tuple[str, ...]:
+        """Return how the rules begin of what will act beside it, of no fit, and did not act."""
+        if not self.written or self.kind.adds_current or self.kind.unseen:
+            return ()
+        spec, prefixes = self.job.spec, dict[str, None]()
+        fitted = {fit.compensation for fit in spec.fits if fit.axis == self.axis}
+        with contextlib.suppress(ExchangeError):  # told where the axis is judged
+            for name in [n for n in self.lists.used if n not in fitted]:
+                acted = all(
+                    name in spec.measurements[s].active for s in self.fit.sources
+                )
+                if not (acted or kind(name).unseen) and done.after.acts(name):
+                    prefixes |= dict.fromkeys(kind(name).conventions)
+        return tuple(prefixes)
 
 
 @functools.lru_cache(maxsize=64)

@@ -307,14 +307,19 @@ def _finished(
     result: AbstractResult, settled: Mapping[str, int | str]
 ) -> AbstractResult:
     """Return a result with settled rules and measured figures: as verified only where it is."""
-    rules = tuple(
-        dataclasses.replace(rule, state="verified")
-        if rule.name in settled and str(settled[rule.name]) == rule.value
-        else rule
-        for rule in result.conventions
+    own, beside = (
+        tuple(
+            dataclasses.replace(rule, state="verified")
+            if rule.name in settled and str(settled[rule.name]) == rule.value
+            else rule
+            for rule in rules
+        )
+        for rules in (result.conventions, result.rests_on)
     )
     remarks = result.unsettled(settled)
-    result = dataclasses.replace(result, conventions=rules, remarks=remarks)
+    result = dataclasses.replace(
+        result, conventions=own, rests_on=beside, remarks=remarks
+    )
     if result.measured is None:
         return result
     key = result.measured_as.replace(" ", "_")

@@ -147,9 +147,7 @@ def _judged(
     every = {axis for name in loaded.used for axis in loaded.inputs(name)}
     places = {k: np.full(count, np.mean(travel.spans.get(k, 0.0))) for k in every}
     places |= {k: line.ravel() for k, line in zip(reversed(axes), grid, strict=True)}
-    uses = {name: loaded.used[name].kind.entries for name in names}
-    turns = any(entry.turns(loaded.models[name]) for name, entry in uses.items())
-    signs = (1, -1) if turns else (1,)
+    signs = (1, -1) if any(map(loaded.turns, names)) else (1,)
     # Every state of the sensors in both directions, in one run of the controller.
     states = list(itertools.product(travel.warmth, signs))
     motion = Motion(

@@ -17,7 +17,14 @@ from ....models import (
 )
 from ...core import filled
 from ...kinds import kinds
-from .._machine_lists import InUse, Reading, axes_in_use, machine_lists
+from .._machine_lists import (
+    REVERSAL_CYCLES,
+    InUse,
+    Reading,
+    axes_in_use,
+    machine_lists,
+    reversal_cycles,
+)
 from .._nodes import as_array
 from .._units import ExchangeError, expect
 from ._controller import controller_of, model_of
@@ -260,12 +267,16 @@ class AxisLists:
     @functools.cached_property
     def files(self) -> tuple[ListFile, ...]:
         """Those that say something, as lists of this axis also where they do not say so."""
-        number = "kopf.achs_nr"
-        pairs = ("compensation", self.compensation), ("axis", self.machine)
+        number, lists = "kopf.achs_nr", list[ListFile]()
+        if self.compensation is not None and self.compensation.kind == "compensation":
+            lists.append(self.compensation)
+        if (machine := self.machine) is not None:
+            # One that names no compensation is an axis list all the same: all are off.
+            stated = {REVERSAL_CYCLES: reversal_cycles(machine)}
+            lists.append(machine if machine.kind == "axis" else machine.merge(stated))
         return tuple(
             one if one.integer(number) else one.merge({number: self.axis})
-            for kind, one in pairs
-            if one is not None and one.kind == kind
+            for one in lists
         )
 
     @functools.cached_property
@@ -303,6 +314,14 @@ class AxisLists:
             ExchangeError: If a list makes none.
         """
         return {name: model_of(use, self.reading) for name, use in self.used.items()}
+
+    def turns(self, name: str) -> bool:
+        """Return whether it adds something else in either direction.
+
+        Raises:
+            ExchangeError: If a list makes none.
+        """
+        return self.used[name].kind.entries.turns(self.models[name])
 
     def parts(self, motion: Motion) -> dict[str, Column]:
         """Return what the controller adds, by compensation, in mm or °.

@@ -213,7 +213,7 @@ def _fit(fit: AbstractResult) -> dict[str, Any]:
         "gate": fit.gate,
         "findings": fit.findings,
         "remarks": fit.remarks,
-        "conventions": fit.conventions,
+        "conventions": fit.rules,
         "files": fit.files,
         "verified_by": again.source if again and fit.confirmed else None,
         "diagnosis": None if diagnosis is None else diagnosis.as_tree(),

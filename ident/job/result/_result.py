@@ -169,6 +169,8 @@ class AbstractResult(abc.ABC):
         gate: All checks; ``passed`` is true when every one passed.
         remarks: What the user must know.
         conventions: Rules used.
+        rests_on: Rules of what will act beside it, was off while measuring, and stands in no
+            fit: with another sign it would do something else.
         files: Files written for this fit, relative to the output folder; those of a
             failed gate lie in ``rejected/``.
         findings: What `axcomp check` says of the files, in its JSON shape.
@@ -193,6 +195,12 @@ class AbstractResult(abc.ABC):
     again: MeasuredAgain | None = None
     group: str | None = None
     no_effect: bool = False
+    rests_on: tuple[ConventionState, ...] = ()
+
+    @property
+    def rules(self) -> tuple[ConventionState, ...]:
+        """All rules that what it promises rests on, its own first."""
+        return (*self.conventions, *self.rests_on)
 
     @property
     def passed(self) -> bool:

@@ -120,7 +120,7 @@ def judgement_of(fit: "AbstractResult") -> Judgement:
     acts = fit.again is not None and fit.again.acts
     assumed = [
         rule.name
-        for rule in fit.conventions
+        for rule in fit.rules
         if rule.decides and rule.state == "assumed"
         # What a list does is seen; where the axis as a whole lies is not asked then.
         if not (acts and rule.decides == "zero")

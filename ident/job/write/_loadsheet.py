@@ -29,6 +29,7 @@ def _line(job: Job, draft: AbstractDraft, result: AbstractResult) -> dict[str, A
     """
     kind, word, judged = draft.kind, job.spec.nc_word(draft.axis), result.judgement
     open_ = [reason for reason in judged.reasons if reason.code is Code.ASSUMED]
+    assumed = open_[0].fields["conventions"] if open_ else ()
     expected = result.expectation if open_ else None
     if expected is not None and not kind.adds_current and abs(expected.value) < _DIAL:
         expected = None
@@ -48,7 +49,8 @@ def _line(job: Job, draft: AbstractDraft, result: AbstractResult) -> dict[str, A
         "needs": draft.needs,
         "refuted": worse and judged.verdict is Verdict.REJECTED,
         "length": job.spec.axes[draft.axis].unit,
-        "conventions": open_[0].fields["conventions"] if open_ else (),
+        "conventions": assumed,
+        "beside": [rule.name for rule in result.rests_on if rule.name in assumed],
         "expected": expected,
     }
     if expected is not None:

@@ -79,6 +79,45 @@ def test_plane_beside_a_cross_that_was_off_is_fitted_to_the_rest(
     assert np.max(np.abs(left)) < 1e-3
 
 
+@pytest.mark.parametrize("acted", [False, True])
+def test_a_settled_sign_beside_an_unsettled_one_proves_nothing_where_that_was_off(
+    tmp_path: Path, acted: bool
+) -> None:
+    probe(tmp_path)
+    (tmp_path / "z.lis").write_text(cross_list())
+    (tmp_path / "zm.lis").write_text(ON)
+    (tmp_path / "c.toml").write_text('[verified]\nplane_sign = 1\nplane_index = "ji"\n')
+    machine = '[machine]\nconventions = "c.toml"\n'
+    axes = AXES + 'list = "z.lis"\nmachine_data = "zm.lis"\n'
+    active = f"active = {['cross'] if acted else []}"
+    assert fit(tmp_path, machine + axes + measured("probe", active) + PLANE) == 0
+    result = json.loads((tmp_path / "out" / "result.json").read_text())
+    # With the other sign of the old cross, which acted in no reading, twice its size is left.
+    assert result["fits"][0]["verdict"] == ("good" if acted else "unproven")
+    assert ("cross_sign" in str(result["fits"][0]["reasons"])) == (not acted)
+    steps = {step["action"]: step["detail"] for step in result["load_sheet"]}
+    told = steps.get("Settle the sign first: plane of Z", "")
+    assert ("axcomp probe with the lists that are loaded now" in told) == (not acted)
+
+
+@pytest.mark.parametrize("machine", ["kenngr.achs_typ 1\n", "# nothing\n"])
+def test_an_axis_list_that_switches_nothing_on_is_one_all_the_same(
+    tmp_path: Path, machine: str
+) -> None:
+    probe(tmp_path)
+    (tmp_path / "z.lis").write_text(cross_list())
+    (tmp_path / "zm.lis").write_text(machine)
+    axes = AXES + 'list = "z.lis"\nmachine_data = "zm.lis"\n'
+    assert fit(tmp_path, axes + measured("probe", "active = []") + PLANE) == 0
+    listing = ListFile.read(tmp_path / "out" / "achskw3.lis")
+    x, y = (
+        line.ravel() for line in np.meshgrid([0.0, 200.0, 400.0], [0.0, 150.0, 300.0])
+    )
+    # The plane holds all of the sag, since no cross acts beside it.
+    left = sag(x, y) + plane_by_hand(listing, x, y)
+    assert np.max(np.abs(left)) < 1e-3
+
+
 def test_plane_beside_a_cross_of_which_nothing_is_said_is_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

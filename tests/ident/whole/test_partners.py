@@ -182,6 +182,29 @@ def test_table_of_one_direction_asks_whether_the_backlash_beside_it_was_on(
     assert 'active = ["backlash"] if it was on, [] if it was off' in said
 
 
+@pytest.mark.parametrize("bilateral", [0, 1])
+def test_backlash_beside_a_table_of_both_directions_that_was_off_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], bilateral: int
+) -> None:
+    laser(tmp_path, width=WIDTH)
+    rows = [
+        f"kw.ssfk.table[{k}].pos {entry}\nkw.ssfk.table[{k}].neg {entry + 80 * bilateral}\n"
+        for k, entry in enumerate([0, 120, 200, 110, -50])
+    ]
+    (tmp_path / "x.lis").write_text(
+        f"kopf.achs_nr 1\nkw.ssfk.unit 1\nkw.ssfk.kw_nr_max 5\nkw.ssfk.bilateral {bilateral}\n"
+        f"kw.ssfk.kw_startpos 0\nkw.ssfk.interval 1000000\n{''.join(rows)}"
+    )
+    (tmp_path / "xm.lis").write_text("lr_param.ssfk 1\n")
+    axis = 'list = "x.lis"\nmachine_data = "xm.lis"'
+    text = JOB.format(axis=axis, active="active = []", bilateral="false")
+    text = text[: text.index("bilateral")].replace('"leadscrew"', '"backlash"')
+    # Both would take the lost motion back. A table of one direction has none of it.
+    assert fit(tmp_path, text) == bilateral
+    said = " ".join(capsys.readouterr().err.split())
+    assert ("a backlash does not take it off; or lr_param.ssfk 0" in said) == bilateral
+
+
 def test_backlash_that_comes_in_one_cycle_is_stopped_with_the_entry_to_set(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
