@@ -175,16 +175,28 @@ def roles_of(names: Sequence[Name]) -> tuple[list[str | None], bool]:
     if any(
         role and "." in role and not role.startswith("temperature.") for role in roles
     ):
-        return roles, False
+        return _with_direction(names, roles), False
     bare = [bare_role(name) for name in names]
     once = {role for role in bare if role and bare.count(role) == 1}
     if "position" not in once or not once & {"error", "actual"}:
-        return _with_axes(names, roles), False
+        return _with_direction(names, _with_axes(names, roles)), False
     merged = [
         stated or (role if role in once else None)
         for stated, role in zip(roles, bare, strict=True)
     ]
     return merged, True
+
+
+def _with_direction(
+    names: Sequence[Name], roles: Sequence[str | None]
+) -> list[str | None]:
+    """Return roles with that of a column of directions, where the file has one position."""
+    places = [role for role in roles if role and role.endswith(".position")]
+    sides = [at for at, name in enumerate(names) if bare_role(name) == "direction"]
+    result = list(roles)
+    if len(places) == len(sides) == 1 and roles[sides[0]] is None:
+        result[sides[0]] = places[0].replace("position", "direction")
+    return result
 
 
 def _with_axes(names: Sequence[Name], roles: Sequence[str | None]) -> list[str | None]:

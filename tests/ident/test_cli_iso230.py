@@ -316,6 +316,21 @@ def test_chart_of_one_direction_marks_what_exists() -> None:
     assert [label.split(" ")[0] for label in labels] == ["A↑", "E↑"]
 
 
+@pytest.mark.parametrize("head", ["X target [mm],X error [mm]", "X.position,X.error"])
+def test_iso230_takes_a_direction_without_axis_beside_columns_of_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], head: str
+) -> None:
+    path = laser(tmp_path)
+    rows = path.read_text().splitlines()[1:]
+    # Towards + in each row: without its directions it would be a test of one.
+    ordered = sorted(
+        rows, key=lambda row: (row.split(",")[2:], float(row.split(",")[0]))
+    )
+    path.write_text("\n".join([f"{head},run,direction", *ordered]) + "\n")
+    assert main(["iso230", str(path), "--tolerance", "20um", "--axis", "X"]) == 1
+    assert "FAIL: A = " in capsys.readouterr().out
+
+
 def test_iso230_takes_columns_that_do_not_name_themselves(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
