@@ -279,14 +279,18 @@ class _Axis:
             lacking = [n for n in names if n not in added and not kind(n).unseen]
             # Over axes that stood still it adds a constant, which nobody knows.
             still = [n for n in lacking if self._is_still(loaded.inputs(n), motion)]
-            if remark := self._lacking(loaded, {*lacking} - {*still}, motion, source):
+            own_zero = spec.remove == "none" and spec.datum is None
+            # One that was off would add it to a zero that holds it already.
+            unknown = {n for n in still if n not in spec.active} if own_zero else set()
+            places = {*lacking} - {*still} | unknown
+            if remark := self._lacking(loaded, places, motion, source):
                 remarks.append(remark)
                 continue
             if measured.line:  # nobody knows the slope that the axis has then
                 axes = self.job.spec.axes
                 over = [measured.positions[axes[k].number] for k in draft.fit.over]
                 added = {k: without_zero(v, over, "line") for k, v in added.items()}
-            about_zero = spec.remove == "none" and spec.datum is None and not still
+            about_zero = own_zero and not still
             group = draft.fit.group
             members = [
                 each

@@ -118,6 +118,32 @@ def test_an_axis_list_that_switches_nothing_on_is_one_all_the_same(
     assert np.max(np.abs(left)) < 1e-3
 
 
+@pytest.mark.parametrize(("remove", "stopped"), [("none", True), ("offset", False)])
+def test_constant_of_an_old_table_over_an_axis_that_stood_somewhere_is_asked_for(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    remove: str,
+    stopped: bool,
+) -> None:
+    # Measured where Y stood: the cross over Y was off, and adds there what nobody knows.
+    place = np.arange(0.0, 401.0, 50.0)
+    table(tmp_path / "line.csv", "x,dz", place, 0.02 * np.sin(place / 100.0) + 0.06)
+    (tmp_path / "z.lis").write_text(cross_list())
+    (tmp_path / "zm.lis").write_text(ON)
+    axes = AXES + 'list = "z.lis"\nmachine_data = "zm.lis"\n'
+    readings = (
+        f'[measurements.line]\nfile = "line.csv"\nremove = "{remove}"\nactive = []\n'
+        '[measurements.line.columns]\n"Z.position" = "x"\n"Z.error" = "dz"\n'
+    )
+    screw = (
+        '[[fits]]\ncompensation = "leadscrew"\naxis = "Z"\nmeasurement = "line"\n'
+        "start = 0.0\ninterval = 50.0\npoints = 9\nsmoothness = 0\n"
+    )
+    assert fit(tmp_path, axes + readings + screw) == stopped
+    said = " ".join(capsys.readouterr().out.split())
+    assert ("it lacks Y.position" in said) == stopped
+
+
 def test_plane_beside_a_cross_of_which_nothing_is_said_is_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
