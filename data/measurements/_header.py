@@ -91,17 +91,20 @@ def parse_name(header: str) -> Name:
         if pattern is not _BRACKETED and find_unit(name) is not None:
             continue  # "mm/s" is a unit, and no name
         unit = find_unit(stated)
-        if unit is not None and (pattern is _BRACKETED or _is_unit_of(name, stated)):
+        sure = pattern is _BRACKETED or (
+            pattern is _SLASHED and unit and unit.name == "in"
+        )
+        if unit is not None and (sure or _is_unit_of(name, stated)):
             return Name(name, unit.name, False, name, text)
         if is_foreign(stated):
             return Name(name, stated, False, name, text)
     match = _ENDING.fullmatch(text)
     unit = find_unit(match["unit"]) if match else None
     if match is None or unit is None:
-        return Name(text, None, False, text, text)
+        return _in_or_input(text)
     if len(match["unit"]) > 1:
         if unit.name in ("in", "min"):
-            return Name(text, None, False, text, text)  # an input, the least of a range
+            return _in_or_input(text)
         return Name(text, unit.name, False, match["name"], text)
     if match["unit"] == "C" and is_warm(match["name"]):
         return Name(text, unit.name, False, match["name"], text)
@@ -109,6 +112,14 @@ def parse_name(header: str) -> Name:
     # counts, and the unit is used only where it fits the role.
     exact = unit.name if unit.name == match["unit"] else None
     return Name(text, exact, exact is not None, match["name"] if exact else text, text)
+
+
+def _in_or_input(text: str) -> Name:
+    """Return a name without a unit; "error in" may be one in inches, which has to be stated."""
+    match = re.fullmatch(r"(?i)(?P<name>.+)[ _]in", text)
+    if match is None or kind_said(match["name"]) not in ("position", "actual", "error"):
+        return Name(text, None, False, text, text)
+    return Name(text, "in?", False, match["name"], text)
 
 
 def _is_unit_of(name: str, stated: str) -> bool:

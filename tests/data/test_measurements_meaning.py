@@ -435,6 +435,19 @@ def test_inches_are_exact_and_said(tmp_path: Path) -> None:
     assert said in found.remarks
 
 
+def test_inches_behind_a_slash_are_inches(tmp_path: Path) -> None:
+    found = read(tmp_path, "Soll/in;Abweichung/in\n0;0\n1;0,001\n2;0,002\n")
+    np.testing.assert_allclose(found.require("X.error"), [0.0, 0.0254, 0.0508])
+
+
+@pytest.mark.parametrize("name", ["error in", "error_in", "Abweichung in"])
+def test_an_error_that_may_be_in_inches_is_asked_for(tmp_path: Path, name: str) -> None:
+    with pytest.raises(
+        MeasurementError, match=r"unit 'in\?', expected mm.*nearest: in"
+    ):
+        read(tmp_path, f"Target [mm];{name}\n0;0\n9;0,001\n")
+
+
 def test_units_in_brackets_belong_to_the_names_that_they_stand_under(
     tmp_path: Path,
 ) -> None:
