@@ -232,7 +232,9 @@ def measurement(
                 if role.kind == "run":
                     good[text] = as_run(table, column)
                 else:
-                    good[text] = spec.sign * as_direction(table, column, spec.positive)
+                    good[text] = spec.factor * as_direction(
+                        table, column, spec.positive
+                    )
             except MeasurementError as error:
                 bad[text] = error
             continue
@@ -255,6 +257,14 @@ def measurement(
                 reason += ", expected mm or ° per increment"
                 raise MeasurementError(source, reason)
         units[text] = library_unit(unit, angle=angle)
+        turned = role.kind == "error" and spec.sign is None
+        if turned and says_correction(column.name):
+            reason = (
+                f"column '{column.name}': found a name of corrections, or of targets less what"
+                f" was reached, for {role}, which is the reached less the target: state sign = -1"
+                " of the column (columns), or sign = 1 if it holds errors all the same"
+            )
+            raise MeasurementError(source, reason)
         told = column.role in ("position", "error", "actual")
         told |= role.kind == "temperature" and column.role is None
         told |= table.format == SCOPE_FORMAT and role.kind not in ("time", "current")
@@ -291,11 +301,11 @@ def measurement(
                 f"Column '{column.name}' is taken in {unit.name} from its name."
             )
         try:
-            values = spec.sign * unit.to_library(table.numbers(column), scale)
+            values = spec.factor * unit.to_library(table.numbers(column), scale)
         except MeasurementError as error:
             bad[text] = error
             if column.bad is not None:
-                gaps[text] = spec.sign * unit.to_library(column.values, scale)
+                gaps[text] = spec.factor * unit.to_library(column.values, scale)
         else:
             good[text] = values
     for text, values in good.items():
@@ -391,7 +401,7 @@ def advice(table: Table) -> str:
                 column.name
             ):
                 last = column
-        sign = -1 if says_correction(last.name) else 1
+        sign = -1 if says_correction(last.name) else None
         columns = {
             "position": ColumnSpec(first.header or first.name),
             "error": ColumnSpec(last.header or last.name, sign=sign),

@@ -67,7 +67,7 @@ class ColumnSpec:
         value: One value for all rows, in place of a column.
         interval: What `value` grows by from row to row, where rows are evenly spaced.
         sign: -1: the values are the negative of those of the column, as corrections are
-            the negative of errors.
+            the negative of errors. None: nobody said so; 1.
         positive: Word of a column of directions that stands for +1.
         parts: Columns of a table with one column per run; `column` is empty.
         run: Run of all readings of the column, as one of `parts`.
@@ -78,11 +78,16 @@ class ColumnSpec:
     unit: str | None = None
     value: float | None = None
     interval: float = 0.0
-    sign: int = 1
+    sign: int | None = None
     positive: str | None = None
     parts: tuple["ColumnSpec", ...] = ()
     run: int | None = None
     direction: int | None = None
+
+    @property
+    def factor(self) -> int:
+        """What the values of the column are times."""
+        return self.sign or 1
 
     def of_job(self) -> Any:
         """Return what a job says: a name, a table, or a list of one table per run."""

@@ -90,7 +90,7 @@ def _refuse_mixed(
     units = {
         part.unit or column.unit for part, column in zip(parts, columns, strict=True)
     }
-    if len({part.sign for part in parts}) > 1:
+    if len({part.factor for part in parts}) > 1:
         reason = f"{role}: found columns of both signs, expected one sign"
         raise MeasurementError(str(table.path), reason)
     if len(units) > 1:

@@ -138,7 +138,9 @@ def _columns(texts: Sequence[str], axis: str | None) -> "dict[str, ColumnSpec]":
         key = role if role == "run" else f"{axis or 'axis'}.{role}"
         head, _, unit = name.rpartition(":")
         stated = head and find_unit(unit) is not None
-        columns[key] = ColumnSpec(head, unit) if stated else ColumnSpec(name)
+        spec = ColumnSpec(head, unit) if stated else ColumnSpec(name)
+        # All figures are the same with either sign, but for the directions.
+        columns[key] = dataclasses.replace(spec, sign=1)
     return columns
 
 

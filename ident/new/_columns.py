@@ -309,7 +309,7 @@ def _unnamed(file: _File) -> list[Unclear]:
             if owner == home and any(_follows(each, one) for one in places)
         ]
         surface = owner != home and len(file.places) > 1
-        signs = (1, -1) if surface else (1,)
+        signs = (None, -1) if surface else (None,)
         choices += [
             (f"{owner}.error", _spec(each, unit, sign))
             for each in fine
@@ -344,7 +344,7 @@ def _advised(file: _File) -> list[Unclear]:
             for each in error.parts
         )
         spec = dataclasses.replace(
-            error, unit=unit, sign=sign if not parts else 1, parts=parts
+            error, unit=unit, sign=None if parts else sign, parts=parts
         )
         choices.append((f"{file.owner}.error", spec))
     return [
@@ -513,7 +513,7 @@ def _lacks_direction(file: _File) -> bool:
     return len(file.runs) > 1 and not stated and alone
 
 
-def _spec(column: Column, unit: str | None, sign: int = 1) -> ColumnSpec:
+def _spec(column: Column, unit: str | None, sign: int | None = None) -> ColumnSpec:
     return ColumnSpec(column.header or column.name, unit, sign=sign)
 
 

@@ -283,8 +283,17 @@ def test_targets_less_readings_and_corrections_are_no_errors_by_themselves(
             MeasurementError, match=rf'"{re.escape(name)} \[um\]", sign = -1 }}'
         ):
             measurement(table, axis="X")
-    stated = {"X.error": ColumnSpec(f"{name} [um]", sign=-1)}
-    assert measurement(table, stated).require("X.error").tolist() == [-0.001, 0.002]
+    for sign in (-1, 1):
+        stated = {"X.error": ColumnSpec(f"{name} [um]", sign=sign)}
+        found = measurement(table, stated).require("X.error").tolist()
+        assert found == [0.001 * sign, -0.002 * sign]
+    # Named in a job without its sign: whoever did so may not have thought of it.
+    unstated = {"X.error": ColumnSpec(f"{name} [um]")}
+    if role is None:
+        with pytest.raises(MeasurementError, match="state sign = -1 of the column"):
+            measurement(table, unstated)
+    else:
+        measurement(table, unstated)
 
 
 @pytest.mark.parametrize(

@@ -282,10 +282,14 @@ def _column_spec(choice: str | ColumnChoice | list[ColumnOfRun]) -> ColumnSpec:
         return ColumnSpec(choice)
     if isinstance(choice, ColumnChoice):
         return ColumnSpec(
-            choice.column or "", **choice.model_dump(exclude={"column", "file"})
+            choice.column or "",
+            **choice.model_dump(exclude={"column", "file"}, exclude_unset=True),
         )
     return ColumnSpec(
-        "", parts=tuple(ColumnSpec(**column.model_dump()) for column in choice)
+        "",
+        parts=tuple(
+            ColumnSpec(**column.model_dump(exclude_unset=True)) for column in choice
+        ),
     )
 
 

@@ -547,7 +547,7 @@ def test_of_corrections_the_sign_is_asked_for(
     new(tmp_path, f"Target [mm],Correction [um]\n{rows}")
     column = '"X.error" = { column = "Correction [um]", unit = "um"'
     question = asked(tmp_path, capsys)[-1]
-    assert question["answers"] == [f"{column}, sign = -1 }}", f"{column} }}"]
+    assert question["answers"] == [f"{column}, sign = {s} }}" for s in (-1, 1)]
 
 
 def test_beside_temperatures_an_axis_at_rest_shows_its_drift(
