@@ -189,7 +189,7 @@ def scan(lines: tuple[str, ...]) -> Scan:
             parsed = read_line(line)
             remarks.extend(TextRemark(number, *note) for note in parsed.notes)
             if parsed.kind == "end":
-                end_line = number
+                end_line = end_line or number  # the first one ends the list
             elif parsed.kind == "entry":
                 if parsed.key not in columns:
                     columns[parsed.key] = _Column(parsed.key)

@@ -164,6 +164,11 @@ def test_reading_goes_on_behind_bad_lines_and_closing_lines() -> None:
     assert [remark.line for remark in found.remarks] == [1, 3, 4]
 
 
+def test_the_first_closing_line_ends_a_list() -> None:
+    found = parse("kw.ssfk.unit 1\nEnde\nkw.ssfk.interval 5\nEnde\n")
+    assert "behind-end" in [remark.code for remark in found.remarks]
+
+
 def test_last_of_repeated_entries_counts() -> None:
     found = parse("kw.ssfk.table[0].pos 1\nKW.ssfk.table[ 0].pos 2\n")
     assert found.table("kw.ssfk", "pos") == {0: 2}

@@ -109,6 +109,9 @@ def test_planted_line_comes_back_and_the_files_take_it_away(tmp_path: Path) -> N
     # Noise of the readings; the state at 20 °C is known to a fraction of it.
     assert found.error["from_file"].rms < 1.1 * NOISE
     assert found.error["predicted"].rms < 0.1 * found.error["before"].rms
+    # The figures are of what changes with the temperature, and of nothing else.
+    words = headline_of(found, Scale("mm", "µm")).sentence
+    assert "the error of X beside what it shows at 20 °C falls" in words
 
 
 def test_offset_alone_is_said_to_be_what_was_asked_for(tmp_path: Path) -> None:

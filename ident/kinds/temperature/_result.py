@@ -89,6 +89,12 @@ class TemperatureResult(AbstractResult):
         return tuple(one for one in self.remarks if not (known and one == _SIGN))
 
     @property
+    def subject(self) -> str:
+        whole = super().subject
+        rest = f"{whole} beside what it shows at {self.zero:.4g} °C"
+        return rest if self.group is None else whole
+
+    @property
     def expectation(self) -> Expectation | None:
         """The largest correction of the written line at a place that was measured."""
         correction, places = self.from_file - self.before, self.fit.position
