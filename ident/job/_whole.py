@@ -121,7 +121,11 @@ class _Axis:
             ExchangeError: If a list makes no table.
         """
         lines, jumps = judge_workspace(loaded, self._travel(), self.job.spec.gate)
-        remarks = [*self._abrupt(loaded, jumps), *self._hasty(loaded, lines)]
+        remarks = [
+            *self._abrupt(loaded, jumps),
+            *self._hasty(loaded, lines),
+            *self._late(loaded, jumps),
+        ]
         readings = self._readings(loaded, names, remarks)
         checks = (*lines, *(reading.check(self.unit) for reading in readings))
         remarks += [
@@ -161,6 +165,22 @@ class _Axis:
                 f"A reversal moves {self.name} by up to {jump:.4g} {self.unit} in"
                 f" {reversal_cycles(loaded.machine)} cycles: set {REVERSAL_CYCLES} {needed} in"
                 f" the axis list of {self.name} (machine_data), so that it is spread."
+            )
+
+    def _late(self, loaded: AxisLists, jumps: Mapping[str, float]) -> Iterator[Remark]:
+        """Yield what waits for COMP ON, of what acts beside fits that do not wait."""
+        used = loaded.used
+        fitted = {draft.compensation for draft in self.drafts}
+        if all(used[name].manual for name in fitted if name in used):
+            return
+        for name, jump in jumps.items():
+            if name in fitted or not used[name].manual:
+                continue
+            yield Remark.warning(
+                f"The {name} of {used[name].listing.source} waits for {self.name}[COMP ON"
+                f" {kind(name).keyword}] (manual_activation 1), and what is written does not:"
+                f" until a program says that, and after its end, {self.name} lacks up to"
+                f" {jump:.4g} {self.unit} of what was judged. Let all wait, or none."
             )
 
     def more_cycles(self, lines: Sequence[GateCheck]) -> int | None:
@@ -421,6 +441,11 @@ def _with_partner(
                 f'Fit {partner} as well ([[fits]] with axis = "{partner}"), or give its'
                 f" list ([axes.{partner}] list = …) if it has one."
             )
+            if fitted and {*lacking} <= {draft.compensation for draft in fitted.drafts}:
+                advice = (
+                    f"The fit of {partner} found nothing to correct: look at its readings"
+                    " and at their unit."
+                )
         elif fitted and partner in stopped:
             where = f"{partner} is stopped by its own gate"
             advice = f"Mend what stops {partner}: both are let out together."
@@ -454,12 +479,16 @@ def _with_partner(
                 " its column)?"
             )
             doubt = Remark.warning(words)
-        elif twist and not fitted:
+        elif twist:
+            remedy = (
+                f'Fit {partner} as well ([[fits]] with axis = "{partner}"), unless its list'
+                " was measured on this machine."
+            )
+            if fitted:
+                remedy = "Is the unit of both columns right?"
             words = (
                 f"{axis} and its gantry partner {partner} are moved up to {twist:.4g} mm"
-                f" apart by their lists, more than half of what {axis} is moved. Fit {partner} as"
-                f' well ([[fits]] with axis = "{partner}"), unless its list was measured'
-                " on this machine."
+                f" apart by their lists, more than half of what {axis} is moved. {remedy}"
             )
             doubt = Remark.warning(words)
         wrong = float(len(lacking) or bool(advice))

@@ -213,7 +213,9 @@ def plan(tables: Tables, index: int, fit: TableSpec) -> Plan:
                 raise job.error(
                     ("axes", fit.axis, "list"),
                     f"{fit.compensation} was active while measuring, but no list with"
-                    " its table is given, expected list = the file that was loaded",
+                    " its table is given, expected list = the file that was loaded; where it"
+                    f" was that of another axis, name these readings of {fit.axis} once more,"
+                    f" as a measurement whose active has no {fit.compensation}",
                 )
             if masters != table.masters:
                 raise job.error(

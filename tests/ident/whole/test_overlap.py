@@ -100,6 +100,22 @@ def test_a_settled_sign_beside_an_unsettled_one_proves_nothing_where_that_was_of
     assert ("axcomp probe with the lists that are loaded now" in told) == (not acted)
 
 
+def test_an_old_table_that_waits_for_a_command_beside_one_that_does_not_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    probe(tmp_path)
+    (tmp_path / "z.lis").write_text(cross_list() + "kw.crosscomp.manual_activation 1\n")
+    (tmp_path / "zm.lis").write_text(ON)
+    axes = AXES + 'list = "z.lis"\nmachine_data = "zm.lis"\n'
+    job = axes + measured("probe", "active = []") + PLANE
+    told = (
+        "waits for Z[COMP ON CROSS] (manual_activation 1), and what is written does not"
+    )
+    for waits in (False, True):
+        assert fit(tmp_path, job + "manual_activation = true\n" * waits) == 0
+        assert (told in " ".join(capsys.readouterr().out.split())) == (not waits)
+
+
 @pytest.mark.parametrize("machine", ["kenngr.achs_typ 1\n", "# nothing\n"])
 def test_an_axis_list_that_switches_nothing_on_is_one_all_the_same(
     tmp_path: Path, machine: str

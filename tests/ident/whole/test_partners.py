@@ -304,6 +304,23 @@ def test_gantry_whose_partner_is_moved_otherwise_says_by_how_much(
     assert (beside if size is None else "mm apart by their lists") in said
 
 
+@pytest.mark.parametrize("times", [0.1, 0.001])
+def test_gantry_of_which_one_partner_is_in_another_unit_says_so(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], times: float
+) -> None:
+    gantry(tmp_path)
+    x, error = np.loadtxt(tmp_path / "line.csv", delimiter=",", skiprows=1).T
+    table(tmp_path / "far.csv", "x,dy", x, times * error)
+    fit(tmp_path, BOTH)
+    said = " ".join(capsys.readouterr().out.split())
+    apart = "mm apart by their lists, more than half of what Y is moved. Is the unit of both"
+    # A thousandth of the error is next to none, and no list holds it.
+    nothing = (
+        "The fit of Y2 found nothing to correct: look at its readings and at their unit"
+    )
+    assert (apart if times > 0.01 else nothing) in said
+
+
 def gantry(folder: Path, size: float = 0.03, name: str = "line") -> None:
     rng = np.random.default_rng(22)
     x = np.tile(np.arange(0.0, 401.0, 25.0), 2)
