@@ -222,14 +222,23 @@ class TableDraft(AbstractDraft):
         )
 
     def stays_on(self) -> Iterator[Remark]:
+        """See `AbstractDraft`; and that the readings contradict what the job says was on."""
         old, name = self.plan.old_offset, self.compensation
-        if old is None or self.plan.active or not self.lists.acts(name):
+        if old is None or not self.lists.acts(name):
             return
-        # What the axis is given by a table that was off, its readings show.
+        # What the axis is given by a table that was off, its readings show; that was on, not.
         own, new = old - np.mean(old), self.offset - np.mean(self.offset)
         size, shown = float(np.std(old)), float(np.std(new))
         factor = float(np.sum(own * new) / max(float(np.sum(own**2)), 1e-300))
-        if size < _SEEN * self.estimate.noise or abs(factor) > _SAME:
+        once_more = 2.0 if self.plan.active else 0.0
+        if size < _SEEN * self.estimate.noise or abs(factor - once_more) > _SAME:
+            return
+        if self.plan.active:
+            yield Remark.warning(
+                f"Readings that were taken with the {name} of {self.axis} on (active) show once"
+                f" more what it takes off, {self.small(size, '.3g')} rms. Was it off? Then state"
+                " active = [] of these measurements: what is written takes it off twice."
+            )
             return
         words = (
             f"The {name} of {self.axis} in {self.lists.used[name].listing.source} takes off"

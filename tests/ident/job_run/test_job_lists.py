@@ -317,6 +317,19 @@ def test_table_that_was_on_while_its_axis_list_has_it_off_is_doubted(
     assert any("once too often" in one.message for one in fit.remarks)
 
 
+@pytest.mark.parametrize(("scale", "doubted"), [(1.0, True), (0.3, False)])
+def test_readings_with_the_error_that_a_table_takes_off_were_not_taken_with_it(
+    tmp_path: Path, scale: float, doubted: bool
+) -> None:
+    old_list(tmp_path)
+    laser(tmp_path / "laser.csv", scale=scale)
+    axis, measurement = 'list = "achskw1.lis"', 'active = ["leadscrew"]'
+    job = screw_job(tmp_path, axis=axis, measurement=measurement)
+    (fit,) = run_job(job, tmp_path / "out").tables
+    said = [one.message for one in fit.remarks if "Was it off?" in one.message]
+    assert len(said) == doubted
+
+
 @pytest.mark.parametrize("switched", [1, 0])
 def test_readings_without_the_error_that_a_table_takes_off_were_not_taken_without_it(
     tmp_path: Path, switched: int
