@@ -103,6 +103,7 @@ def read_iso230(
     path: Path,
     columns: Mapping[str, ColumnSpec] | None = None,
     axis: str | None = None,
+    turn: float | None = None,
 ) -> Iso230Test:
     """Return the positioning test in a file.
 
@@ -110,6 +111,7 @@ def read_iso230(
         path: The file.
         columns: Column of each role, as for `measurement`; none: as the file says.
         axis: Which one, where the file holds several.
+        turn: mm or ° of a turn, where the axis goes round.
 
     Raises:
         MeasurementError: If the file holds no such test, or several.
@@ -119,7 +121,8 @@ def read_iso230(
         axis = axis or _only_axis(table)
     axis = axis or table.axis
     name = axis or "axis"
-    data = measurement(table, columns or {}, axis=name)
+    turns = None if turn is None else {name: turn}
+    data = measurement(table, columns or {}, axis=name, turns=turns)
     position = data.require(f"{name}.position", "for an ISO 230-2 evaluation")
     direction = explain_direction(data, name)
     error = derive_error(data, name)

@@ -316,6 +316,7 @@ def measurement(
             reason = (
                 f"{text}: found {seen[0]:.4g}° and then {seen[1]:.4g}° in motion, expected the"
                 f" job to say that {own} goes round: modulo = [0.0, 360.0] of its axis"
+                " (axcomp iso230: --modulo 0:360)"
             )
             raise MeasurementError(source, reason)
     for found in (good, gaps):

@@ -22,6 +22,7 @@ def iso230(
     tolerance: str | None = None,
     axis: str | None = None,
     column: list[str] | None = None,
+    modulo: str | None = None,
     as_json: AsJson = False,
     out: Path | None = None,
 ) -> bool:
@@ -38,6 +39,7 @@ def iso230(
         axis: Axis, where the file holds several.
         column (ROLE=COLUMN[:UNIT]): Column of target, actual or error, run, direction, where
             the file does not say: --column error=dx:um. Once per role.
+        modulo (LOW:HIGH): Range of an axis that goes round, such as 0:360.
         out: Folder for the chart (SVG and PNG).
 
     Examples:
@@ -46,10 +48,18 @@ def iso230(
     """
     from ...data.measurements import MeasurementError, read_iso230
 
-    columns = _columns(column or (), axis)
+    columns, turn = _columns(column or (), axis), None
+    if modulo is not None:
+        ends = r"(-?[0-9]+(?:\.[0-9]+)?):(-?[0-9]+(?:\.[0-9]+)?)"
+        low, high = matched("--modulo", modulo, ends, "such as 0:360").groups()
+        turn = float(high) - float(low)
+        if turn <= 0.0:
+            refuse("--modulo", repr(modulo), "ascending ends such as 0:360")
     limit, limit_unit = (None, None) if tolerance is None else _tolerance(tolerance)
     files = {"before": file, "after": after} if after else {"": file}
-    outcomes = [_with_wild(read_iso230(path, columns, axis)) for path in files.values()]
+    outcomes = [
+        _with_wild(read_iso230(path, columns, axis, turn)) for path in files.values()
+    ]
     first, last, judged = outcomes[0], outcomes[-1], after or file
     if last.unit != first.unit:
         reason = f"found {last.unit}, expected {first.unit} as in {file}"

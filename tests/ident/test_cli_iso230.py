@@ -331,6 +331,27 @@ def test_iso230_takes_a_direction_without_axis_beside_columns_of_one(
     assert "FAIL: A = " in capsys.readouterr().out
 
 
+def test_iso230_of_an_axis_that_goes_round_is_that_of_its_way(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    printed = []
+    for name, turn in (("on", 1e9), ("round", 360.0)):
+        rng, rows = np.random.default_rng(3), []
+        for run in (1, 2, 3):
+            for place in (*range(270, 451, 30), *range(450, 269, -30)):
+                error = 2.0 * np.sin(place / 60.0) + 0.2 * rng.normal()
+                rows.append(f"{place % turn},{error:.5f},{run}")
+        path = tmp_path / f"{name}.csv"
+        path.write_text("\n".join(["C target [deg],C error [mdeg],run", *rows]) + "\n")
+        assert main(["iso230", str(path), "--json"]) == (turn < 1e3)
+        assert ("--modulo 0:360" in capsys.readouterr().err) == (turn < 1e3)
+        assert main(["iso230", str(path), "--json", "--modulo", "0:360"]) == 0
+        printed.append(json.loads(capsys.readouterr().out))
+    assert printed[0]["B_mean"] is not None
+    assert printed[0]["A"] == pytest.approx(printed[1]["A"], abs=1e-9)
+    assert printed[0]["B_mean"] == pytest.approx(printed[1]["B_mean"], abs=1e-9)
+
+
 def test_iso230_takes_columns_that_do_not_name_themselves(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
