@@ -12,6 +12,7 @@ from ._words import (
     CLOCKS,
     DIRECTIONS,
     RUNS,
+    is_difference,
     is_warm,
     kind_said,
     pieces,
@@ -251,7 +252,9 @@ def _axis_role(name: Name) -> str | None:
     if len(axes) != 1:
         return None
     others = [word for word in words if word != axes[0]]
-    kind = "position" if says_nothing(others) else kind_said(" ".join(others))
+    # Of a difference the sign between the two says which is taken off.
+    said = name.stem if is_difference(map(str.casefold, others)) else " ".join(others)
+    kind = "position" if says_nothing(others) else kind_said(said)
     return None if kind in (None, "time", "run") else f"{axes[0].upper()}.{kind}"
 
 

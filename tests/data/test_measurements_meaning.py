@@ -444,6 +444,17 @@ def test_inches_are_exact_and_said(tmp_path: Path) -> None:
     assert said in found.remarks
 
 
+@pytest.mark.parametrize(
+    ("name", "role"), [("X Ist-Soll", "X.error"), ("X Soll-Ist", None)]
+)
+def test_a_difference_with_its_axis_is_an_error_where_the_target_is_taken_off(
+    tmp_path: Path, name: str, role: str | None
+) -> None:
+    path = tmp_path / "file.csv"
+    path.write_text(f"X Soll [mm];{name} [mm];X Ist [mm]\n0;1;1\n10;-2;8\n")
+    assert read_table(path).columns[1].role == role
+
+
 def test_inches_behind_a_slash_are_inches(tmp_path: Path) -> None:
     found = read(tmp_path, "Soll/in;Abweichung/in\n0;0\n1;0,001\n2;0,002\n")
     np.testing.assert_allclose(found.require("X.error"), [0.0, 0.0254, 0.0508])
