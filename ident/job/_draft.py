@@ -1,7 +1,6 @@
 """One fit of whatever compensation: planned, then fitted, alone or in a group, not yet written."""
 
 import abc
-import contextlib
 import dataclasses
 import functools
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -12,7 +11,7 @@ from jaxtyping import Bool, Float
 
 from ...data.lists import ListFile, Value
 from ...models import Conventions, TemperatureLine
-from ..exchange import AxisLists, ExchangeError, ListTarget
+from ..exchange import AxisLists, ListTarget
 from ..kinds import kind
 from ..kinds._keys import FitSpec
 from ..kinds._kind import Kind
@@ -226,7 +225,14 @@ class Foreseen(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class AbstractDraft(AbstractOfFit):
-    """A compensation of one axis, fitted and not yet written."""
+    """A compensation of one axis, fitted and not yet written.
+
+    Attributes:
+        beside: Compensations that will act beside it and did not in its readings: what they
+            add was taken off these.
+    """
+
+    beside: tuple[str, ...] = dataclasses.field(default=(), kw_only=True)
 
     @property
     def written(self) -> bool:
@@ -366,6 +372,7 @@ class AbstractDraft(AbstractOfFit):
     def frame(self, done: "AxisFiles") -> dict[str, Any]:
         """Return what every result says alike, as arguments of its class."""
         rules = self.job.conventions, self.job.verified
+        beside = tuple(b for name in self.beside for b in kind(name).conventions)
         names = {done.machine_name, *self.fit.plc_files}
         if self.kind.holder == "compensation":
             names.add(done.compensation_name)
@@ -376,25 +383,10 @@ class AbstractDraft(AbstractOfFit):
             "unit": self.unit,
             "gate": done.gates[self.index],
             "conventions": _convention_states(*rules, self.kind.conventions),
-            "rests_on": _convention_states(*rules, self._beside(done)),
+            "rests_on": _convention_states(*rules, beside),
             "files": tuple(n for n in done.written if self.written and n.name in names),
             "findings": tuple(dataclasses.asdict(item) for item in done.findings),
         }
-
-    def _beside(self, done: "AxisFiles") -> tuple[str, ...]:
-        """Return how the rules begin of what will act beside it, of no fit, and did not act."""
-        if not self.written or self.kind.adds_current or self.kind.unseen:
-            return ()
-        spec, prefixes = self.job.spec, dict[str, None]()
-        fitted = {fit.compensation for fit in spec.fits if fit.axis == self.axis}
-        with contextlib.suppress(ExchangeError):  # told where the axis is judged
-            for name in [n for n in self.lists.used if n not in fitted]:
-                acted = all(
-                    name in spec.measurements[s].active for s in self.fit.sources
-                )
-                if not (acted or kind(name).unseen) and done.after.acts(name):
-                    prefixes |= dict.fromkeys(kind(name).conventions)
-        return tuple(prefixes)
 
 
 @functools.lru_cache(maxsize=64)

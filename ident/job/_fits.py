@@ -1,5 +1,6 @@
 """Every fit of a job: all of them planned, then fitted in the order that they need."""
 
+import dataclasses
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
@@ -79,6 +80,9 @@ def fit_all(
     if len(undetermined) == len(fits):
         k = next(iter(undetermined))
         raise job.error(("fits", k), f"{_start(fits[k])}: {undetermined[k]}")
+    for (k, _), acting in left.items():
+        beside = dict.fromkeys((*drafts[k].beside, *(each.name for each in acting)))
+        drafts[k] = dataclasses.replace(drafts[k], beside=tuple(beside))
     return [drafts[k] for k in range(len(fits))], groups
 
 

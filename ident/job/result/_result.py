@@ -169,8 +169,8 @@ class AbstractResult(abc.ABC):
         gate: All checks; ``passed`` is true when every one passed.
         remarks: What the user must know.
         conventions: Rules used.
-        rests_on: Rules of what will act beside it, was off while measuring, and stands in no
-            fit: with another sign it would do something else.
+        rests_on: Rules of what will act beside it and was off while measuring: what it adds was
+            taken off the readings, and with another sign it adds something else.
         files: Files written for this fit, relative to the output folder; those of a
             failed gate lie in ``rejected/``.
         findings: What `axcomp check` says of the files, in its JSON shape.

@@ -97,7 +97,7 @@ def test_a_settled_sign_beside_an_unsettled_one_proves_nothing_where_that_was_of
     assert ("cross_sign" in str(result["fits"][0]["reasons"])) == (not acted)
     steps = {step["action"]: step["detail"] for step in result["load_sheet"]}
     told = steps.get("Settle the sign first: plane of Z", "")
-    assert ("axcomp probe with the lists that are loaded now" in told) == (not acted)
+    assert ("with the lists that are loaded now" in told) == (not acted)
 
 
 def test_an_old_table_that_waits_for_a_command_beside_one_that_does_not_is_told(
@@ -114,6 +114,19 @@ def test_an_old_table_that_waits_for_a_command_beside_one_that_does_not_is_told(
     for waits in (False, True):
         assert fit(tmp_path, job + "manual_activation = true\n" * waits) == 0
         assert (told in " ".join(capsys.readouterr().out.split())) == (not waits)
+
+
+def test_a_plane_of_what_a_cross_of_the_same_job_leaves_rests_on_its_sign(
+    tmp_path: Path,
+) -> None:
+    edge(tmp_path)
+    probe(tmp_path)
+    (tmp_path / "c.toml").write_text('[verified]\nplane_sign = 1\nplane_index = "ji"\n')
+    machine = '[machine]\nconventions = "c.toml"\n'
+    both = measured("edge", "active = []") + measured("probe", "active = []")
+    assert fit(tmp_path, machine + AXES + both + CROSS + PLANE) == 0
+    fits = json.loads((tmp_path / "out" / "result.json").read_text())["fits"]
+    assert [one["verdict"] for one in fits] == ["unproven", "unproven"]
 
 
 @pytest.mark.parametrize("machine", ["kenngr.achs_typ 1\n", "# nothing\n"])
