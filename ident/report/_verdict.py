@@ -245,6 +245,12 @@ def _in_part(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
         clauses.append(f'shows no slope over {over} (remove = "line")')
         if len(clauses) == 1:
             ask = "measure again with an instrument whose line is known, without remove"
+    if "zero" in fields:
+        clauses.append(
+            f"does not show where {fit.axis} as a whole lies (remove, datum), so that"
+            f" {fields['zero']} stays assumed"
+        )
+        ask = "measure again with one zero before and after, without remove and datum"
     return (
         f"Verified in part: {_fall(fit, scale)}; {_again(fit, scale)}, which"
         f" {' and '.join(clauses)}: {ask}."

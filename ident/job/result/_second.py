@@ -179,7 +179,7 @@ class SecondMeasurement:
             where only a diagnosis can tell that it acts.
         unseen: What these readings show nothing of and the first ones do, as the fields of
             `Code.IN_PART`: a part of the travel in mm or °, the other direction of motion,
-            places between two, a slope.
+            places between two, a slope, a zero.
         before: Error of the first measurement without that slope, rms in mm or °; None: as
             it is.
         near: A place where its readings agree that far more is left, in words; empty: none.

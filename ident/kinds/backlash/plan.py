@@ -34,6 +34,8 @@ _TARGETS = 60
 """Different positions up to which each has an error of its own."""
 _NODES = 24
 """Nodes of the error along the axis where the positions are all different."""
+_FLANK = "backlash_reference"
+"""The convention that says which flank is right."""
 
 
 def plan(tables: Tables, index: int, fit: Spec) -> "BacklashPlan":
@@ -192,6 +194,8 @@ class BacklashDraft(AbstractDraft):
         assert isinstance(draft, BacklashDraft)  # its own
         sides, width = sides_of(draft.share), float(self.share.part.values[0])
         trend, moved = None, self._moved(draft)
+        unsettled = moved is None and _FLANK not in self.job.verified
+        moved = moved or 0.0
         if abs(moved) > 0.5 * abs(width):
             # Nearer to what the other flank as the right one does.
             words = (
@@ -208,14 +212,15 @@ class BacklashDraft(AbstractDraft):
             sides.direction,
             wild=sides.wild,
             added=0.5 * abs(width),
+            unseen={"zero": _FLANK} if unsettled else {},
             trend=trend,
         )
 
-    def _moved(self, again: "BacklashDraft") -> float:
+    def _moved(self, again: "BacklashDraft") -> float | None:
         """Return by how much the middle of both directions lies beside where it should, in mm.
 
-        It moves by half of the width, to the side that is right; 0 where readings do not tell
-        where the axis lies, or other fits move it too.
+        It moves by half of the width, to the side that is right. None where readings do not tell
+        where the axis lies; 0 where other fits move it too, whose own readings show it.
         """
         drafts = (self, again)
         specs = [
@@ -224,8 +229,10 @@ class BacklashDraft(AbstractDraft):
         owned = all(one.remove == "none" and one.datum is None for one in specs)
         others = [fit for fit in self.job.spec.fits if fit.axis == self.axis]
         acting = {frozenset({*one.active} - {self.compensation}) for one in specs}
-        if not owned or len(others) > 1 or len(acting) > 1:
+        if owned and len(others) > 1:
             return 0.0
+        if not owned or len(acting) > 1:
+            return None
         before, after = (one.middle for one in drafts)
         width = float(self.share.part.values[0])
         return after - (before - 0.5 * self.plan.reference * width)

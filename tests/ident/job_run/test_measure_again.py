@@ -658,31 +658,48 @@ def test_error_that_grows_speaks_against_a_list_that_promised_nothing(
     assert fitted(job)["verdict"] == "rejected"
 
 
-@pytest.mark.parametrize(("flank", "code"), [(1, 0), (-1, 1)])
-def test_a_backlash_with_the_other_flank_is_not_verified(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], flank: int, code: int
-) -> None:
+def backlash_again(folder: Path, flank: int, remove: str) -> int:
+    """Fit a play of 10 µm, and verify it; what is written may take it off on the other flank."""
     rng = np.random.default_rng(9)
     target = np.tile(np.concatenate([PLACES, PLACES[::-1]]), 3)
     way = np.tile(np.repeat([1, -1], len(PLACES)), 3)
     run = np.repeat([1, 2, 3], 2 * len(PLACES))
-    # 10 um in − direction; what is written takes it off there, or 10 um on in + direction.
     for name, error in (
         ("first", np.where(way < 0, 0.01, 0.0)),
         ("again", np.full(len(way), 0.0 if flank > 0 else 0.01)),
     ):
         noisy = error + 3e-4 * rng.standard_normal(len(way))
-        table(tmp_path / f"{name}.csv", "target,error,run,way", target, noisy, run, way)
+        table(folder / f"{name}.csv", "target,error,run,way", target, noisy, run, way)
         columns = '"X.position" = "target", "X.error" = "error", "X.direction" = "way", run = "run"'
         active = '["backlash"]' if name == "again" else "[]"
-        (tmp_path / f"{name}.toml").write_text(
+        (folder / f"{name}.toml").write_text(
             "[axes.X]\nnumber = 1\n[measurements.m]\n"
-            f'file = "{name}.csv"\nactive = {active}\nremove = "none"\n'
+            f'file = "{name}.csv"\nactive = {active}\nremove = "{remove}"\n'
             f"columns = {{ {columns} }}\n"
             '[[fits]]\ncompensation = "backlash"\naxis = "X"\nmeasurement = "m"\n'
         )
-    job = tmp_path / "first.toml"
-    assert main(["fit", str(job), "--out", str(tmp_path / "out")]) == 0
-    assert fit(job, "--after", str(tmp_path / "again.toml")) == code
+    job = folder / "first.toml"
+    assert main(["fit", str(job), "--out", str(folder / "out")]) == 0
+    return fit(job, "--after", str(folder / "again.toml"))
+
+
+@pytest.mark.parametrize(("flank", "code"), [(1, 0), (-1, 1)])
+def test_a_backlash_with_the_other_flank_is_not_verified(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], flank: int, code: int
+) -> None:
+    assert backlash_again(tmp_path, flank, "none") == code
     said = " ".join(capsys.readouterr().out.split())
     assert ("right in − direction" in said) == (code == 1)
+
+
+@pytest.mark.parametrize("flank", [1, -1])
+def test_a_backlash_whose_flank_no_zero_shows_is_verified_in_part(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], flank: int
+) -> None:
+    assert backlash_again(tmp_path, flank, "offset") == 0
+    (one,) = result(tmp_path / "first.toml")["fits"]
+    assert one["verdict"] == "unproven"
+    assert one["reasons"] == [{"code": "in_part", "zero": "backlash_reference"}]
+    assert "so that backlash_reference stays assumed" in " ".join(
+        capsys.readouterr().out.split()
+    )
