@@ -32,7 +32,7 @@ def estimate_instrument(
     $-\tau v$: that part is told from the true error, which a delay must not take up, by
     changes of speed. In windows of 1.5 s the true error is linear in the positions of all
     axes; beside it, over the whole record, stands what changes with the direction (backlash,
-    also in proportion to the position) and with accelerations. What is left in
+    which bends along the travel) and with accelerations. What is left in
     proportion to the velocity is the delay, and to velocity times time the rate of the
     clock. Readings that contradict the others count less. Standard deviations are those
     that the scatter between windows shows.

@@ -14,6 +14,8 @@ _WINDOW = 1.5
 """s: within it the true error is linear in the positions, as far as a delay goes."""
 _PIECES = 40
 """Of the travel: over all of it the true error bends as a cubic spline, both ways alike."""
+_STRETCHES = 8
+"""Of the travel: over all of it what changes with the direction bends likewise."""
 _AT_TURN = 5
 """Samples on both sides of a turn."""
 _LEAST_ROWS = 8
@@ -56,6 +58,7 @@ class _Pass:
         residual: Of the error.
         scatter: Of that, robust.
         weight: For the next one.
+        bend: Likewise, mean square of the functions that bend with the direction, by scatter².
     """
 
     design: Float[np.ndarray, "n k"]
@@ -64,6 +67,7 @@ class _Pass:
     residual: Float[np.ndarray, " n"]
     scatter: float
     weight: Float[np.ndarray, " n"]
+    bend: float
 
 
 class Windows:
@@ -99,11 +103,19 @@ class Windows:
         span = max(float(np.ptp(place)), 1e-12) if rows.size else 1.0
         centred = (place - place.mean()) / span if rows.size else place
         elapsed = (at - middle) / half
-        table = _smooth(centred) if rows.size else centred[:, None]
+        table, play = (
+            _smooth(centred, pieces) if rows.size else centred[:, None]
+            for pieces in (_PIECES, _STRETCHES)
+        )
+        self.bends = play.shape[1]
         rates = [np.asarray(axis(at, 2)) for axis in axes]
         # The first two are what is asked for; e = −τ v.
         self.columns = np.stack(
-            [-speed, -speed * elapsed, sign, sign * centred, *rates, *table.T], axis=1
+            [
+                *(-speed, -speed * elapsed, sign, sign * centred),
+                *(*rates, *table.T, *(sign[:, None] * play).T),
+            ],
+            axis=1,
         )
 
     def solve(self, with_rate: bool) -> "Solution":
@@ -112,9 +124,9 @@ class Windows:
         columns = self.columns[:, use]
         scale = np.maximum(np.sqrt((columns**2).mean(axis=0)), 1e-300)
         columns = columns / scale
-        fit = self._weighted(columns, np.ones(len(self.error)))
+        fit = self._weighted(columns, np.ones(len(self.error)), 1.0)
         for _ in range(_REWEIGHTED):
-            fit = self._weighted(columns, fit.weight)
+            fit = self._weighted(columns, fit.weight, fit.bend)
         design, residual, weight = fit.design, fit.residual, fit.weight
         scores = np.stack(
             [
@@ -140,17 +152,32 @@ class Windows:
         )
 
     def _weighted(
-        self, columns: Float[np.ndarray, "n k"], weight: Float[np.ndarray, " n"]
+        self,
+        columns: Float[np.ndarray, "n k"],
+        weight: Float[np.ndarray, " n"],
+        bend: float,
     ) -> "_Pass":
-        """Return one weighted regression, and the weights that its residuals ask for."""
+        """Return one weighted regression, and the weights that its residuals ask for.
+
+        By how much what changes with the direction bends is chosen by the evidence (MacKay,
+        Neural Computation 4, 1992): where the speed depends on the place alone, as in one swing
+        again and again, a bend looks like a delay, and only its usual size tells them apart.
+        """
         flat, design = self._without_lines(columns, weight)
         normal = (design * weight[:, None]).T @ design
         normal += 1e-12 * np.trace(normal) * np.eye(columns.shape[1])
+        bent = range(columns.shape[1] - self.bends, columns.shape[1])
+        normal[bent, bent] += 1.0 / bend
         values = np.linalg.solve(normal, design.T @ (weight * flat))
         residual = flat - design @ values
         scatter = NORMAL * float(np.median(np.abs(residual)))
         new = 1.0 / (1.0 + (residual / max(_HEAVY * scatter, 1e-15)) ** 2)
-        return _Pass(design, normal, values, residual, scatter, new)
+        told = self.bends - np.linalg.inv(normal)[bent, bent].sum() / bend
+        square = float(np.sum(values[bent] ** 2)) / max(scatter, 1e-15) ** 2
+        return _Pass(
+            *(design, normal, values, residual, scatter, new),
+            bend=float(np.clip(square / max(told, 1e-3), 1e-6, 1e6)),
+        )
 
     def _without_lines(
         self, columns: Float[np.ndarray, "n k"], weight: Float[np.ndarray, " n"]
@@ -181,11 +208,11 @@ class Windows:
         return flat(self.error[:, None])[:, 0], flat(columns)
 
 
-def _smooth(place: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n k"]:
+def _smooth(place: Float[np.ndarray, " n"], pieces: int) -> Float[np.ndarray, "n k"]:
     """Return functions of a place that bend: constant and slope are those of the windows."""
     from scipy.interpolate import BSpline
 
-    inner = np.linspace(place.min(), place.max(), _PIECES + 1)
+    inner = np.linspace(place.min(), place.max(), pieces + 1)
     knots = np.pad(inner, 3, mode="edge")
     return np.asarray(BSpline.design_matrix(place, knots, 3).toarray()[:, 1:-1])
 

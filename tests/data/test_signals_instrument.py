@@ -257,6 +257,35 @@ def test_a_pitch_error_that_bends_within_a_stroke_is_no_delay(
     assert found.standard_deviation < 5e-7
 
 
+@pytest.mark.parametrize("waves", [0.5, 1.0, 2.0])
+def test_a_backlash_that_bends_along_the_travel_is_no_delay(waves: float) -> None:
+    time = 0.004 * np.arange(20_000)
+    # Strokes of 300 mm at changing speeds, turning at 1000 mm/s² and less.
+    speeds = np.tile([40.0, 80.0, 120.0, 60.0, 100.0, 30.0], 8)
+    ends = np.cumsum([0.0, *(300.0 / speeds)])
+    sharp = np.interp(time, ends, 300.0 * (np.arange(49) % 2))
+    place = np.convolve(np.pad(sharp, 25, mode="edge"), np.ones(51) / 51, "valid")
+    way = np.sign(np.gradient(place))
+    play = 0.005 + 0.01 * np.sin(np.pi * waves * 2.0 * place / 300.0)
+    noise = 5e-4 * np.random.default_rng(0).standard_normal(time.size)
+    found = estimate_instrument(time, place, place - 0.5 * way * play + noise)
+    # Taken for a line over the travel it made 14 to 20 µs, up to 15 times the deviation.
+    assert abs(found.delay) < 4.0 * found.standard_deviation
+    assert found.standard_deviation < 2e-6
+
+
+def test_one_swing_again_and_again_tells_a_delay_beside_an_even_backlash() -> None:
+    time = 0.004 * np.arange(15_000)
+    # Its speed depends on the place alone: a backlash that bends would look like a delay.
+    place = 100.0 * np.sin(2 * np.pi * time / 3.7)
+    play = 0.004 * np.sign(np.gradient(place))
+    noise = 5e-4 * np.random.default_rng(0).standard_normal(time.size)
+    found = estimate_instrument(time, place, place - play + noise)
+    assert found.determined
+    assert abs(found.delay) < 4.0 * found.standard_deviation
+    assert found.standard_deviation < 3e-7
+
+
 @pytest.mark.parametrize(("noise", "digit"), [(0.0, 0.0), (1e-3, 0.0), (3e-3, 0.01)])
 def test_what_an_encoder_flickers_while_it_stands_is_no_travel(
     noise: float, digit: float
