@@ -36,10 +36,6 @@ _FAR = 1e-3
 _ALIKE, _FEWEST = 2.0, 20
 """Readings beside each other of which one alone is news, from which on runs err along their way;
 how many, beyond those that the table takes, tell it."""
-NONE_LEFT_OUT = (
-    "Readings that agree with each other contradict a table of these nodes: none of them "
-    "was left out."
-)
 ALIKE = (
     "Readings of a run that follow each other err alike (heat, air): the standard deviations "
     "are no smaller than those of the mean of the runs."
@@ -272,3 +268,12 @@ def doubt_of_curves(
     shared = np.minimum(times * variance, most) - variance
     shared = np.where(count > 1, shared, (times - 1.0) * variance)
     return np.asarray(np.maximum(shared, 0.0))
+
+
+def none_left_out(share: float) -> str:
+    """Return what to do where so large a share of the readings contradicts a table."""
+    return (
+        f"{share:.0%} of the readings lie far off the others, too many to be left out. Where they"
+        " agree with each other, they contradict a table of these nodes: take others. Else they"
+        " are faults of the instrument: leave them out (skip), or measure again."
+    )

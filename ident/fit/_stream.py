@@ -18,7 +18,7 @@ from jaxtyping import Float, Int
 
 from ..core import FitError, Loss, Stack, Sums, leave_one_out, one_blas_thread, sums_of
 from ._reconsider import crowded
-from ._result import NONE_LEFT_OUT, Judged, fold_of, result_of
+from ._result import Judged, fold_of, none_left_out, result_of
 from ._table import TOO_MANY, estimate_table
 from ._types import (
     Extent,
@@ -162,7 +162,8 @@ def fit_streamed(
     with one_blas_thread():
         result, remark = attempt(loss), ""
         if loss == "student" and result.wild > TOO_MANY * result.count:
-            result, remark = attempt("huber"), f"{NONE_LEFT_OUT} "
+            remark = f"{none_left_out(result.wild / result.count)} "
+            result = attempt("huber")
     message = f"{result.fit.message} {remark}Read in {next(passes)} passes."
     fit = dataclasses.replace(result.fit, message=message)
     return dataclasses.replace(result, fit=fit)

@@ -31,11 +31,11 @@ from ._once import judge_once
 from ._reconsider import at_medians, crowded, lost, reconsidered
 from ._result import (
     ALIKE,
-    NONE_LEFT_OUT,
     Judged,
     doubt_of_curves,
     far_runs,
     nearest_nodes,
+    none_left_out,
     residual_of,
     result_of,
 )
@@ -111,8 +111,9 @@ def fit_table(
             # A run that contradicts the others must not pull their mean.
             fit = fit_to(loss, far)
         if loss == "student" and _too_many_wild(fit, samples):
+            words = none_left_out(float(fit.wild.mean()))
             fit = fit_to("huber", far)
-            fit = dataclasses.replace(fit, message=f"{fit.message} {NONE_LEFT_OUT}")
+            fit = dataclasses.replace(fit, message=f"{fit.message} {words}")
     # Where the user sets the smoothness, or readings are held out, nothing is to be judged.
     judged = isinstance(smoothness, str) and not allow_gaps
     fit = judge_once(fit, samples) if judged else fit

@@ -402,3 +402,14 @@ def test_deviations_hold_what_heat_makes_of_each_run(count: int, heat: float) ->
     # Nor are they inflated where nothing shows.
     assert np.sqrt(np.mean(np.square(ratios))) > 0.7
     assert np.mean(told) == (heat > 0.0)
+
+
+def test_share_of_readings_that_are_too_many_to_be_left_out_is_told() -> None:
+    samples = runs(offset=0 * OFFSET, drift=0 * DRIFT)
+    rng = np.random.default_rng(6)
+    wild = rng.random(len(samples.error)) < 0.15
+    some = changed(samples, wild, rng.uniform(0.1, 1.0, int(wild.sum())))
+    message = fit_table(LAYOUT, some, run_effects="drift").message
+    share = int(message.split("% of the readings lie far off")[0].split()[-1])
+    # Some of them lie among the others.
+    assert 10 <= share <= round(100 * wild.mean())
