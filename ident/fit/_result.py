@@ -5,9 +5,10 @@ from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from scipy.ndimage import maximum_filter, median
 from scipy.special import ndtri, stdtr, stdtrit
 
-from ...data.signals import independent
+from ...data.signals import NORMAL, independent, resolution
 from ..core import (
     Estimate,
     FitError,
@@ -36,6 +37,10 @@ _FAR = 1e-3
 _ALIKE, _FEWEST = 2.0, 20
 """Readings beside each other of which one alone is news, from which on runs err along their way;
 how many, beyond those that the table takes, tell it."""
+_TORN, _STEPS, _RUNS, _IN_A_ROW, _EVEN = 8.0, 3.0, 3, 4, 2.0
+"""Robust deviations, and steps of the instrument, by which readings of a run lie off the others;
+runs that tell that, and how many readings one after the other; from one to the next at most so
+many times as far."""
 ALIKE = (
     "Readings of a run that follow each other err alike (heat, air): the standard deviations "
     "are no smaller than those of the mean of the runs."
@@ -277,3 +282,54 @@ def none_left_out(share: float) -> str:
         " agree with each other, they contradict a table of these nodes: take others. Else they"
         " are faults of the instrument: leave them out (skip), or measure again."
     )
+
+
+def runs_apart(
+    fit: TableFit, samples: Samples, node: Int[np.ndarray, " t"]
+) -> tuple[Float[np.ndarray, " t"], Float[np.ndarray, " n"]]:
+    """Return where some runs contradict the others on a stretch, and what a node may be off by it.
+
+    No offset or drift explains that, and where several do, no reading is wild: nobody can tell
+    which of them are right, and the table lies between them.
+
+    Args:
+        fit: Of the samples.
+        samples: With their runs; without, nothing shows.
+        node: Nearest unknown of the table to each reading.
+
+    Returns:
+        By how much the run of each reading lies off the others, else zero; variance of each node.
+    """
+    table, good = fit.layout.effect, np.flatnonzero(~fit.wild)
+    size = table.size
+    apart, none = np.zeros(len(node)), np.zeros(size)
+    if samples.run is None or not good.size:
+        return apart, none
+    at, run = node[good], samples.readings.inputs["run"][good]
+    passed, inverse = np.unique(run * size + at, return_inverse=True)
+    count = np.bincount(passed % size, minlength=size)
+    off = fit.residual[good]
+    off = off - median(off, at, np.arange(size))[at]
+    off -= median(off, run, np.arange(run.max() + 1))[run]
+    compared = count[at] >= _RUNS
+    if not compared.any():
+        return apart, none
+    scatter = NORMAL * float(np.median(np.abs(off[compared])))
+    least = max(_TORN * scatter, _STEPS * resolution(samples.error), _NOTHING)
+    side = np.where(compared & (np.abs(off) > least), np.sign(off), 0.0)
+    along = np.lexsort([good if samples.order is None else samples.order[good], run])
+    height = np.log(np.maximum(np.abs(off[along]), least))
+    other = np.abs(np.diff(height)) > np.log(_EVEN)
+    other |= (np.diff(run[along]) != 0) | (np.diff(side[along]) != 0)
+    stretch = np.concatenate([[0], np.cumsum(other)])
+    torn = np.zeros(len(off), bool)
+    torn[along] = (np.bincount(stretch) >= _IN_A_ROW)[stretch] & (side[along] != 0.0)
+    apart[good] = np.where(torn, off, 0.0)
+    means, place = np.bincount(inverse, off) / np.bincount(inverse), passed % size
+    centred = means - (np.bincount(place, means, size) / np.maximum(count, 1))[place]
+    free = np.maximum(count - 1, 1)
+    square = np.bincount(place, centred**2, size) / (free * np.maximum(count, 1))
+    doubt = square * np.square(0.5 * stdtrit(free, _TWO_SIGMA))
+    doubt[np.bincount(at, torn, size) == 0] = 0.0
+    # Smoothness carries it to the nodes beside.
+    return apart, table.to_values(maximum_filter(table.to_table(doubt), 3))

@@ -38,6 +38,7 @@ from ._result import (
     none_left_out,
     residual_of,
     result_of,
+    runs_apart,
 )
 from ._steps import Steps
 from ._types import (
@@ -125,7 +126,9 @@ def fit_table(
     if curves.any():
         fit = dataclasses.replace(fit, message=f"{fit.message} {ALIKE}")
     off = lost(layout.effect, node, fit.residual, fit.wild)
-    return fit.doubted(curves + np.square(off))
+    apart, doubt = runs_apart(fit, samples, node)
+    fit = dataclasses.replace(fit, apart=apart)
+    return fit.doubted(curves + np.square(off) + doubt)
 
 
 def fit_values(

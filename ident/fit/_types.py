@@ -215,6 +215,8 @@ class TableFit:
         covariance: Between nodes of one cell, in the order of the effect, in mm².
         converged: Whether the iterations reached their tolerance.
         message: One sentence on how the fit went, for the report.
+        apart: By how much in mm or ° the run of each reading lies off the others on a stretch where
+            they contradict each other, else zero, shape ``(t,)``; empty where nobody looked.
         line_offset: Standard deviation in mm or ° of an offset of every line of readings that a
             single probing cannot show, and that is allowed for; else 0.
         estimate: The fit of the stack behind it, from which groups are left out.
@@ -237,6 +239,7 @@ class TableFit:
     covariance: CellCovariance
     converged: bool
     message: str
+    apart: Float[Array, " _t"] = dataclasses.field(default_factory=lambda: np.zeros(0))
     line_offset: float = 0.0
     estimate: Estimate | None = dataclasses.field(
         default=None, repr=False, compare=False

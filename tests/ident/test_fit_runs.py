@@ -404,6 +404,36 @@ def test_deviations_hold_what_heat_makes_of_each_run(count: int, heat: float) ->
     assert np.mean(told) == (heat > 0.0)
 
 
+def test_runs_that_contradict_each_other_on_a_stretch_are_told_and_doubted() -> None:
+    samples = runs(offset=0 * OFFSET, drift=0 * DRIFT)
+    assert samples.run is not None
+    place = samples.positions[:, 0]
+    low, high = np.quantile(TARGETS, (0.4, 0.65))
+    torn = np.isin(samples.run, (1, 3)) & (place >= low) & (place <= high)
+    fit = fit_table(LAYOUT, changed(samples, torn, 0.06), run_effects="drift")
+    # One place at either end lies between two nodes, there and back.
+    assert np.sum((fit.apart != 0.0) != torn) <= 8
+    # Two of five are right, or three: the table lies 24 µm off these and 36 µm off those.
+    off = np.abs(fit.values - TRUTH)
+    assert off.max() > 0.02
+    assert (off < 2.0 * fit.standard_deviation).all()
+
+
+@pytest.mark.parametrize("effects", ["offset", "drift"])
+def test_runs_that_are_curves_of_their_own_do_not_contradict_each_other(
+    effects: Literal["offset", "drift"],
+) -> None:
+    samples = runs()
+    assert samples.run is not None
+    assert samples.order is not None
+    bend = np.random.default_rng(5).normal(0.0, 0.02, RUNS)
+    heat = bend[samples.run] * np.sin(np.pi * samples.order)
+    fit = fit_table(
+        LAYOUT, changed(samples, heat != 0.0, heat[heat != 0.0]), run_effects=effects
+    )
+    assert not fit.apart.any()
+
+
 def test_share_of_readings_that_are_too_many_to_be_left_out_is_told() -> None:
     samples = runs(offset=0 * OFFSET, drift=0 * DRIFT)
     rng = np.random.default_rng(6)

@@ -131,6 +131,7 @@ def fit_remarks(
         if fit.loss == "gauss":
             counts = 'counts in their mean all the same (loss = "gauss")'
         yield Remark.warning(f"Contradicts the other runs, and {counts}: run {runs}.")
+    yield from _torn_remarks(draft)
     if fit.runs:
         largest = max(abs(run.offset) for run in fit.runs)
         effect = "offset and drift" if draft.run_effects == "drift" else "offset"
@@ -155,6 +156,26 @@ def fit_remarks(
             )
     if not fit.converged or fit.loss != draft.fit.loss:
         yield Remark.warning(fit.message)
+
+
+def _torn_remarks(draft: "TableDraft") -> Iterator[Remark]:
+    """Return where some runs contradict the others on a part of their way."""
+    apart, readings = draft.estimate.apart, draft.readings
+    if not apart.any() or readings.run is None:
+        return
+    torn = apart != 0.0
+    where = " and ".join(
+        f"{name} = {column.min():g} to {column.max():g}"
+        for name, column in zip(draft.fit.over, readings.positions[torn].T, strict=True)
+    )
+    far = draft.small(float(np.median(np.abs(apart[torn]))))
+    named = ", ".join(str(run) for run in np.unique(readings.run[torn]))
+    yield Remark.warning(
+        f"Runs contradict each other at {where}, run {named} by {far}, as no offset or drift"
+        " explains. Which of them are right nobody can tell: the table lies between them, and"
+        " its standard deviations hold that. Find out what happened there, and measure again, or"
+        " leave what is wrong out (skip)."
+    )
 
 
 def _creep_remarks(draft: "TableDraft") -> Iterator[Remark]:

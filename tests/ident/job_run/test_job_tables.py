@@ -63,6 +63,21 @@ points = 11
     assert (deviation > 0.0046) == counts
 
 
+def test_runs_that_contradict_each_other_are_named_with_the_stretch(
+    tmp_path: Path,
+) -> None:
+    there = np.arange(0.0, 401.0, 50.0)
+    torn = np.abs(np.concatenate([there, there[::-1]]) - 175.0) <= 75.0
+    offset = 0.06 * np.outer([0, 1, 0, 1, 0], torn).reshape(-1)
+    laser(tmp_path / "laser.csv", runs=5, offset=offset)
+    job = screw_job(tmp_path)
+    fine = job.read_text().replace("interval = 100.0", "interval = 50.0")
+    job.write_text(fine.replace("points = 5", "points = 9"))
+    (fit,) = run_job(job, tmp_path / "out").tree["fits"]
+    said = " ".join(remark["message"] for remark in fit["remarks"])
+    assert "contradict each other at X = 100 to 250, run 2, 4 by" in said
+
+
 @pytest.mark.parametrize(("limits", "short"), [([-10, 410], False), ([-90, 900], True)])
 def test_table_that_leaves_out_a_part_of_the_travel_says_so(
     tmp_path: Path, limits: list[int], short: bool
