@@ -274,7 +274,7 @@ def heading(text: str) -> Heading | None:
     words: set[int] = set()
     signs: set[int] = set()
     kind: str | None = None
-    named = linear = False
+    named = linear = letter = False
     axis: str | None = None
     for token in _TOKENS.findall(text):
         if token in DIRECTIONS and token not in _NO_HEADING:
@@ -287,12 +287,16 @@ def heading(text: str) -> Heading | None:
             kind = said
         elif re.fullmatch("[xyzabcuvw]", token):
             axis, linear = token.upper(), token in "xyz"
+        elif said is None and len(token) == 1 and token.isalpha():
+            letter = True  # of a run, beside its number and a sign: "R1 +"
         elif said != "direction" and not says_nothing([token]):
             return None
     directions = words or signs  # "Lauf 1 - hin" holds a dash and no sign
     if len(directions) > 1 or (run is None and not directions):
         return None
     run_of_letter = not linear and run is not None and signs  # "V1+"
+    if letter and not run_of_letter:
+        return None
     if axis and not (named or words or run_of_letter):
         return None  # "B 1" and "X+" are names of axes and of their ends
     side, named = next(iter(directions), None), named or bool(directions) or bool(kind)

@@ -18,7 +18,14 @@ from ._table import MESH_FORMATS, SCOPE_FORMAT, Column, Skipped, Table, TextForm
 from ._turns import passed_end, unwound
 from ._units import Unit, find_unit
 from ._wide import unfolded
-from ._words import is_axis_column, is_leg, kinds_in, says_correction, words_in
+from ._words import (
+    is_axis_column,
+    is_leg,
+    kinds_in,
+    says_correction,
+    says_origin,
+    words_in,
+)
 
 
 class RoleValues:
@@ -232,6 +239,7 @@ def measurement(
                 if role.kind == "run":
                     good[text] = as_run(table, column)
                 else:
+                    _refuse_origin(source, role, column, spec)
                     good[text] = spec.factor * as_direction(
                         table, column, spec.positive
                     )
@@ -359,6 +367,21 @@ def _of_one_kind(table: Table) -> None:
                 raise MeasurementError(str(table.path), reason)
 
 
+def _refuse_origin(source: str, role: Role, column: Column, spec: ColumnSpec) -> None:
+    """Refuse a column of where an axis came from as directions of its motion.
+
+    Raises:
+        MeasurementError: If it is one, and nobody stated its sign.
+    """
+    if spec.sign is None and spec.positive is None and says_origin(column.name):
+        reason = (
+            f"column '{column.name}': found a name of where {role.axis} came from, for {role},"
+            " which is where it goes: state sign = -1 of the column (columns), or sign = 1 if"
+            " + is motion in + all the same"
+        )
+        raise MeasurementError(source, reason)
+
+
 def _turned_legs(
     table: Table, mapping: Mapping[str, ColumnSpec], good: dict[str, np.ndarray]
 ) -> list[str]:
@@ -383,13 +406,25 @@ def _turned_legs(
             continue
         run = good.get("run", np.zeros(len(place), np.int64))
         wrong = runs_against(place, good[text], run, good.get("time"))
+        plus, minus = (cells[int(np.argmax(k * good[text]))].strip() for k in (1, -1))
         if len(wrong) == len(np.unique(run)):
             good[text] = -good[text]
-            plus = cells[int(np.argmax(good[text]))].strip()
             remarks.append(
-                f"'{plus}' is motion in + direction: so the positions follow each other."
+                f"'{minus}' is motion in + direction: so the positions follow each other."
+            )
+        elif all(_rises(place, run, good[text] == side) for side in (1, -1)):
+            remarks.append(
+                f"'{plus}' is taken for motion in + direction: the rows stand in the order of"
+                " the positions, and not of the measurement. Where it is motion in −, state"
+                f' positive = "{minus}" of the column.'
             )
     return remarks
+
+
+def _rises(place: np.ndarray, run: np.ndarray, rows: np.ndarray) -> bool:
+    """Whether the positions of some rows never go down from row to row within a run."""
+    steps = np.diff(place[rows])[np.diff(run[rows]) == 0]
+    return bool(np.all(steps >= 0.0) and np.any(steps > 0.0))
 
 
 def advice(table: Table) -> str:

@@ -32,6 +32,9 @@ _TELLING = 1000
 """Rows that tell whether numbers count the rows."""
 _FEWEST = 3
 """Targets of a table with one row per run."""
+_DOWNWARDS = (
+    "the targets are listed downwards, and the way there goes as they are listed."
+)
 _FOLLOWS = 0.1
 """Share of the travel by which actual positions miss their targets at most."""
 
@@ -177,9 +180,10 @@ def one_column_per_run(table: Table, names: Sequence[Name]) -> Table | None:
             return None
         table = beside
     place = table.columns[target].values
-    legs = [
-        at for at, item in runs.items() if item.direction and is_leg(names[at].header)
-    ]
+    sided = [at for at, item in runs.items() if item.direction]
+    legs = [at for at in sided if is_leg(names[at].header)]
+    if legs and found is not None:
+        legs = sided  # what is called otherwise is the other way
     numbering = _numbering(table, names, runs)
     steps = np.diff(place)
     if numbering is not None:  # from run to run it goes back
@@ -193,10 +197,7 @@ def one_column_per_run(table: Table, names: Sequence[Name]) -> Table | None:
             runs[at] = dataclasses.replace(runs[at], direction=turned)
         word = names[legs[0]].header
         way = "+" if runs[legs[0]].direction == 1 else "−"
-        remark = (
-            f"'{word}' is motion in {way} direction: the targets are listed downwards, and"
-            " the way there goes as they are listed."
-        )
+        remark = f"'{word}' is motion in {way} direction: {_DOWNWARDS}"
         table = dataclasses.replace(table, remarks=(*table.remarks, remark))
     if len({(item.run, item.direction) for item in runs.values()}) < len(runs):
         runs = {at: dataclasses.replace(item, run=None) for at, item in runs.items()}
@@ -376,6 +377,13 @@ def one_row_per_run(table: Table, names: Sequence[Name]) -> Table | None:
     if headings is None or any(table.columns[at].text is not None for at in along):
         return None
     directions = np.array([item.direction or 0 for item in headings.values()])
+    remarks = table.remarks
+    if steps[0] < 0.0:  # the way there goes as they are listed
+        texts = [table.columns[at].text or () for at in labels]
+        legs = [any(map(is_leg, row)) for row in zip(*filter(None, texts), strict=True)]
+        if any(legs):
+            directions = np.where(legs, -directions, directions)
+            remarks = (*remarks, f"Directions of the runs: {_DOWNWARDS}")
     order = np.argsort(targets)
     rows = [order[::-1] if direction < 0 else order for direction in directions]
     values = np.array([table.columns[at].values for at in along]).T
@@ -405,7 +413,7 @@ def one_row_per_run(table: Table, names: Sequence[Name]) -> Table | None:
         columns=tuple(columns),
         rows=int(lines.size),
         lines=lines,
-        remarks=(*table.remarks, remark),
+        remarks=(*remarks, remark),
     )
 
 

@@ -74,7 +74,7 @@ AXIS = r"[xyzabcuvw]\d?"
 
 _THERE = (
     "fwd forward forwards vor vorwärts vorwaerts hin hinweg hinfahrt hinlauf"
-    " hingang vorlauf out outward outbound aller avant andata avanti ida"
+    " hingang vorlauf there out outward outbound aller avant andata avanti ida"
 )
 _BACK = (
     "bwd backward backwards back rev reverse rück rueck zurück zurueck rückwärts"
@@ -97,6 +97,7 @@ DIRECTIONS = {
 }
 """Direction of approach, +1 or −1, by the words and signs of files."""
 _LEGS = frozenset(f"{_THERE} {_BACK}".split())
+_ORIGIN = frozenset("from coming aus von kommend depuis desde".split())
 _CORRECTS = re.compile(r"\w*(?:korrektur|kompensation)\w*")
 """Words such as Fehlerkorrektur and Kompensationswert."""
 _OFFSET = frozenset(("offset", "offsets"))
@@ -139,6 +140,11 @@ def direction_of(text: str) -> int | None:
 def is_leg(text: str) -> bool:
     """Whether a cell names the way there or back, whichever way that goes."""
     return any(piece.casefold() in _LEGS for piece in pieces(text))
+
+
+def says_origin(name: str) -> bool:
+    """Whether a name says where an axis came from: + is then motion in −."""
+    return any(piece.casefold() in _ORIGIN for piece in pieces(name))
 
 
 def is_mean(name: str) -> bool:

@@ -149,8 +149,8 @@ def _columns(texts: Sequence[str], axis: str | None) -> "dict[str, ColumnSpec]":
         head, _, unit = name.rpartition(":")
         stated = head and find_unit(unit) is not None
         spec = ColumnSpec(head, unit) if stated else ColumnSpec(name)
-        # All figures are the same with either sign, but for the directions.
-        columns[key] = dataclasses.replace(spec, sign=1)
+        # The figures of corrections are those of errors.
+        columns[key] = dataclasses.replace(spec, sign=1 if role == "error" else None)
     return columns
 
 

@@ -288,8 +288,8 @@ def owner_of(
     """Return the axis of an error whose column names none, and whether anybody has.
 
     Where other axes moved it is one that did not: what a straightedge or a probe shows. Of a
-    single axis that has targets it is the deviation from them, and an angle that of the axis
-    that turned.
+    single axis that has targets, or directions of approach, it is the deviation from them, and
+    an angle that of the axis that turned.
     """
     known = [each.axis for each in named if each.axis is not None]
     if axes:
@@ -297,7 +297,8 @@ def owner_of(
     targets = {each.axis for each in named if each.kind == "position"}
     words = words_in(each.column.name for each in named)
     straight = table.across or words & _STRAIGHT
-    if len(targets) == 1 and not straight and words & _TARGETS:
+    approached = any(each.kind == "direction" for each in named)
+    if len(targets) == 1 and not straight and (words & _TARGETS or approached):
         return home
     turned = {e.kind for e in named if dimension_of(e.column) == "angle"}
     if len(targets) == 1 and {"position", "error"} <= turned:

@@ -298,3 +298,73 @@ def test_all_runs_forward_above_all_runs_back_have_their_directions(
     assert directions(tmp_path, position, run=run.tolist()) == [1] * 6 + [-1] * 6
     with pytest.raises(DirectionUnknown):  # pieces of a run, by which no order is told
         directions(tmp_path, [0, 50, 100] * 4, run=run.tolist())
+
+
+@pytest.mark.parametrize("name", ["approach from", "coming from", "Anfahrt aus"])
+def test_where_an_axis_came_from_is_no_direction_of_its_motion(
+    tmp_path: Path, name: str
+) -> None:
+    path = tmp_path / "dial.csv"
+    rows = [f"{way},{x},{x}" for way in "+-" for x in (0, 50, 100)]
+    path.write_text("\n".join([f"{name},target [mm],error [um]", *rows]) + "\n")
+    with pytest.raises(MeasurementError, match="state sign = -1 of the column"):
+        measurement(read_table(path), axis="X").require("X.direction")
+    columns = {
+        "X.position": ColumnSpec("target [mm]"),
+        "X.error": ColumnSpec("error [um]"),
+        "X.direction": ColumnSpec(name, sign=-1),
+    }
+    found = measurement(read_table(path), columns).require("X.direction")
+    assert found.tolist() == [-1, -1, -1, 1, 1, 1]
+
+
+@pytest.mark.parametrize("there", [1, -1])
+def test_runs_in_rows_go_as_their_targets_are_listed(
+    tmp_path: Path, there: int
+) -> None:
+    targets = [50 * k for k in range(8)][::there]
+    rows = [
+        f"{run} {way};" + ";".join(f"{size}.{k}" for k in range(8))
+        for run in (1, 2)
+        for way, size in (("hin", 1), ("rück", 5))
+    ]
+    head = ["X axis deviation um", ";".join(["run/target mm", *map(str, targets)])]
+    path = tmp_path / "runs.csv"
+    path.write_text("\n".join([*head, *rows]) + "\n")
+    data = measurement(read_table(path), axis="X")
+    sides, error = data.require("X.direction"), data.require("X.error")
+    assert {*sides[error < 4e-3]} == {there}
+    assert {*sides[error > 4e-3]} == {-there}
+
+
+def test_the_other_word_of_a_leg_is_the_other_way(tmp_path: Path) -> None:
+    path = tmp_path / "runs.csv"
+    rows = [f"{x};{x}.1;{x}.2;{x}.3;{x}.4" for x in (150, 100, 50, 0)]
+    head = "Target [mm];1 Hub [um];1 back [um];2 Hub [um];2 back [um]"
+    path.write_text("\n".join([head, *rows]) + "\n")
+    sides = measurement(read_table(path), axis="X").require("X.direction")
+    # Downwards as listed: the way there goes towards -.
+    assert sides.tolist() == [-1] * 4 + [1] * 4 + [-1] * 4 + [1] * 4
+
+
+@pytest.mark.parametrize(("back", "told"), [([100, 50, 0], 0), ([0, 50, 100], 1)])
+def test_legs_whose_rows_stand_in_the_order_of_the_places_are_told(
+    tmp_path: Path, back: list[int], told: int
+) -> None:
+    path = tmp_path / "legs.csv"
+    rows = [f"hin;{x};1" for x in (0, 50, 100)] + [f"rück;{x};2" for x in back]
+    path.write_text("\n".join(["Richtung;Soll [mm];Fehler [um]", *rows]) + "\n")
+    remarks = measurement(read_table(path), axis="X").remarks
+    assert len([one for one in remarks if 'positive = "rück"' in one]) == told
+
+
+def test_a_letter_before_the_number_of_a_run_beside_a_sign_is_one_of_runs(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "runs.csv"
+    rows = [f"{x};1;2;3;4" for x in (0, 50, 100, 150)]
+    head = "Soll [mm];R1 - [µm];R1 + [µm];R2 - [µm];R2 + [µm]"
+    path.write_text("\n".join([head, *rows]) + "\n")
+    data = measurement(read_table(path), axis="X")
+    error, side = data.require("X.error"), data.require("X.direction")
+    assert {*error[side > 0].round(6)} == {0.002, 0.004}

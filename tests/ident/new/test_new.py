@@ -550,6 +550,15 @@ def test_of_corrections_the_sign_is_asked_for(
     assert question["answers"] == [f"{column}, sign = {s} }}" for s in (-1, 1)]
 
 
+def test_an_error_beside_directions_of_approach_is_that_of_the_axis_that_moved(
+    tmp_path: Path,
+) -> None:
+    rows = "".join(f"{w},{10 * k},{k % 7}\n" for w in "+-" for k in range(12))
+    job = new(tmp_path, f"Dir,X (mm),Error (um)\n{rows}").read_text()
+    assert '"X.error"' in job
+    assert 'compensation = "leadscrew"' in job
+
+
 def test_beside_temperatures_an_axis_at_rest_shows_its_drift(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
