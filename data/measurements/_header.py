@@ -21,7 +21,7 @@ from ._words import (
 
 _BRACKETED = re.compile(r"(?P<name>.*?)\s*[\[(](?P<unit>[^\])]*)[\])]\s*")
 _SLASHED = re.compile(r"(?P<name>[^/]+?)(?:\s*/\s*|\s+in\s+)(?P<unit>\S+)")
-_BEHIND = re.compile(r"(?P<name>.+?)\s+(?P<unit>\S{2,})")
+_BEHIND = re.compile(r"(?P<name>.+?)\s+(?P<unit>\S{2,}|°)")
 _COLON = re.compile(r"(?P<name>[^:]+?)\s*:\s*(?P<unit>[^:\s]+)")
 _MULTIPLE = re.compile(
     r"(?P<name>.+?)(?:\s+(?:x|×|\*|in)\s*|\s+(?=1/10|0[.,]0*1\b))(?P<times>\d+(?:[./,]\d+)?)"

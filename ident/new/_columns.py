@@ -52,6 +52,8 @@ _INCHES = ("thou", "in")
 """Units among which the error asks beside positions in inches."""
 _UNSTATED_ANGLE = ("mdeg", "arcsec", "urad", "deg")
 """Units among which the error of a rotary axis asks."""
+_TURNING = ("A", "B", "C")
+"""Names of rotary axes (ISO 841)."""
 _WITH_PLACE = PLACES | {"temperature", "current"}
 """Kinds beside which no column without a name is a position."""
 _FOLLOWING = 0.02
@@ -154,11 +156,16 @@ class _File:
 
     @functools.cached_property
     def angles(self) -> set[str]:
-        """Axes whose positions are angles."""
+        """Axes whose positions are angles; without a unit those of A, B and C."""
         places = [(self.axis_of(e), e.column) for e in self.named if e.kind in PLACES]
         if not self.kinds & _WITH_PLACE:
             places = [(self.home, column) for column in self.free[:1]]
-        return {axis for axis, column in places if dimension_of(column) == "angle"}
+        return {
+            axis
+            for axis, column in places
+            if dimension_of(column) == "angle"
+            or (column.unit is None and axis.startswith(_TURNING))
+        }
 
     def axis_of(self, each: Named) -> str:
         """Return the axis of a column."""

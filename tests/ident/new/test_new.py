@@ -559,6 +559,19 @@ def test_an_error_beside_directions_of_approach_is_that_of_the_axis_that_moved(
     assert 'compensation = "leadscrew"' in job
 
 
+@pytest.mark.parametrize("target", ["target", "Soll °"])
+def test_an_axis_that_is_called_rotary_is_one_and_its_error_an_angle(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], target: str
+) -> None:
+    rows = "".join(f"{w},{30 * k},{k % 7}\n" for w in "+-" for k in range(12))
+    job = new(tmp_path, f"C axis\ndirection,{target},error\n{rows}").read_text()
+    assert 'type = "rotary"' in job
+    answers = asked(tmp_path, capsys)[-1]["answers"]
+    assert isinstance(answers, list)
+    assert any('unit = "arcsec"' in answer for answer in answers)
+    assert not any('unit = "um"' in answer for answer in answers)
+
+
 def test_beside_temperatures_an_axis_at_rest_shows_its_drift(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
