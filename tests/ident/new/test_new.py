@@ -563,8 +563,11 @@ def test_an_error_beside_directions_of_approach_is_that_of_the_axis_that_moved(
 def test_an_axis_that_is_called_rotary_is_one_and_its_error_an_angle(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], target: str
 ) -> None:
-    rows = "".join(f"{w},{30 * k},{k % 7}\n" for w in "+-" for k in range(12))
-    job = new(tmp_path, f"C axis\ndirection,{target},error\n{rows}").read_text()
+    turn = [30 * k for k in range(12)]
+    rows = [f"+,{x},{x % 7}\n" for x in turn] + [f"-,{x},{x % 7}\n" for x in turn[::-1]]
+    job = new(
+        tmp_path, f"C axis\ndirection,{target},error\n{''.join(rows)}"
+    ).read_text()
     assert 'type = "rotary"' in job
     answers = asked(tmp_path, capsys)[-1]["answers"]
     assert isinstance(answers, list)
