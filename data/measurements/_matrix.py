@@ -39,13 +39,17 @@ def is_matrix(head: str) -> bool:
 def _unnamed_corner(head: str) -> str | None:
     """Return the first cell of a surface of which nobody says along which axes it lies.
 
-    The cell is empty or 0, and ascending numbers stand behind it and below it. Where it is
-    0, these also are of another size than all other numbers: it may be a plain table.
+    The cell is empty, 0 or a word, and ascending numbers stand behind it and below it. Where it
+    is 0, these also are of another size than all other numbers, and where it is a word, they do
+    not count runs: it may be a plain table.
     """
-    top, _, below = head.partition("\n")
+    lines = head.split("\n")
+    mark = next((sign for sign in ";\t," if sign in head), None)
+    while mark and lines and lines[0].count(mark) < _FEWEST:
+        lines = lines[1:]  # titles
+    top, _, below = "\n".join(lines).partition("\n")
     if not top.strip():
         return None
-    mark = next((sign for sign in ";\t," if sign in top), None)
     rows = [
         line.split(mark) for line in (top, *below.split("\n")[:_LOOK]) if line.strip()
     ]
@@ -56,6 +60,10 @@ def _unnamed_corner(head: str) -> str | None:
     if not rows[0][0].strip(' "'):
         return ""
     numbers = [[_plain_number(cell) for cell in row] for row in rows[1:]]
+    sides = [row[0] for row in numbers if row[0] is not None]
+    if corner is None and len(sides) == len(numbers) >= _FEWEST:
+        rising = sides == sorted(set(sides)) and not (_counts(along) or _counts(sides))
+        return rows[0][0].strip(' "') if rising else None
     full = [row for row in numbers if None not in row and len(row) == len(rows[0])]
     if corner != 0.0 or len(full) < _FEWEST or len(full) < len(numbers) - 1:
         return None
@@ -64,6 +72,10 @@ def _unnamed_corner(head: str) -> str | None:
     rises = bool(np.all(np.diff(body[:, 0]) > 0.0))
     larger = jumps.sum() > _LARGER * np.ptp(body[:, 1:], axis=0).sum()
     return rows[0][0].strip() if rises and larger else None
+
+
+def _counts(values: list[float]) -> bool:
+    return bool(np.all(np.diff(values) == 1.0))
 
 
 def _plain_number(cell: str) -> float | None:
@@ -92,10 +104,17 @@ def read_matrix(path: Path, text: str) -> Table:
         if cell:
             found = f"ascending numbers along the top and down the side beside '{cell}'"
         expected = "both axes in that cell, the one down the side first: Y\\X"
-        advice = "header = [] where it is no surface" if cell else ""
-        raise LineError(str(path), 1, found, expected, advice)
+        advice = "header = [] where it is no surface" if cell == "0" else ""
+        tops = enumerate(text.split("\n"), 1)
+        at = next(n for n, line in tops if max(map(line.count, ";\t,")) >= _FEWEST)
+        raise LineError(str(path), at, found, expected, advice)
     lines = text.split("\n")
     top = text.count("\n", 0, corner.start())
+    # Y/X is written like a fraction, Y below the line; X/Y by some with X across.
+    if "/" in corner[0] and corner["down"].upper() < corner["along"].upper():
+        found = f"'{corner[0][:-1].strip()}', where a slash is read either way"
+        expected = "a backslash behind the axis down the side: Y\\X"
+        raise LineError(str(path), top + 1, found, expected)
     body = [(n, line) for n, line in enumerate(lines[top:], top + 1) if line.strip()]
     commas = corner["mark"] != "," and any("," in line for _, line in body)
     dialect = Dialect(corner["mark"], "," if commas else ".")

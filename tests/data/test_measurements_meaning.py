@@ -640,3 +640,37 @@ def test_runs_behind_targets_of_their_own_stand_at_those(tmp_path: Path) -> None
     # Other places are no targets of the same table.
     (tmp_path / "file.csv").write_text(top + rows.replace("300;8", "310;8"))
     assert read_table(tmp_path / "file.csv").columns[3].direction is None
+
+
+def surface(corner: str, title: str = "") -> str:
+    rows = "".join(f"{30 * k};{k};{k + 1};{k + 2};{k + 3}\n" for k in range(4))
+    return f"{title}{corner};0;40;80;120\n{rows}"
+
+
+@pytest.mark.parametrize("corner", ["X/Y", "Y↓ X→", "Z", ""])
+def test_a_surface_whose_corner_does_not_say_which_axis_goes_down_is_refused(
+    tmp_path: Path, corner: str
+) -> None:
+    with pytest.raises(MeasurementError, match=r":2: .* expected .*: Y\\X"):
+        read(tmp_path, surface(corner, "dZ [um]\n"), axis=None)
+
+
+def test_a_surface_whose_corner_is_a_fraction_has_the_lower_axis_down_the_side(
+    tmp_path: Path,
+) -> None:
+    found = read(tmp_path, surface("Y/X"), axis=None)
+    assert found.require("Y.position").max() == 90.0
+    assert found.require("X.position").max() == 120.0
+
+
+@pytest.mark.parametrize("corner", ["Soll [mm]", "run/target mm"])
+def test_numbers_of_runs_along_an_edge_make_no_surface(
+    tmp_path: Path, corner: str
+) -> None:
+    head, *rows = surface(corner).splitlines()
+    if corner == "Soll [mm]":
+        head = f"{corner};1;2;3;4"
+    else:
+        rows = [f"{k};{row.partition(';')[2]}" for k, row in enumerate(rows, 1)]
+    found = read(tmp_path, "\n".join(["X axis deviation um", head, *rows]) + "\n")
+    assert len(np.unique(found.require("run"))) == 4
