@@ -187,7 +187,7 @@ def measurement(
         rotary: Axes whose positions are angles, all others being lengths. Left out:
             angles where any unit of the axis says so.
         turns: mm or ° of a turn, of axes that go round: what a display shows within one turn
-            goes on beyond it.
+            goes on beyond it. Infinite of an axis that is known to have two ends.
         name: Of the measurement; the file's name where left out.
 
     Raises:
@@ -324,7 +324,7 @@ def measurement(
             reason = (
                 f"{text}: found {seen[0]:.4g}° and then {seen[1]:.4g}° in motion, expected the"
                 f" job to say that {own} goes round: modulo = [0.0, 360.0] of its axis"
-                " (axcomp iso230: --modulo 0:360)"
+                " (axcomp iso230: --modulo 0:360), or limits, where it has two ends"
             )
             raise MeasurementError(source, reason)
     for found in (good, gaps):

@@ -1,5 +1,6 @@
 """The files of a job's measurements, each read once, their columns in mm, °, s and °C."""
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
@@ -136,7 +137,9 @@ class Tables:
             },
             rotary=[key for key, spec in axes.items() if spec.kind != "linear"],
             turns={
-                key: spec.turn for key, spec in axes.items() if spec.turn is not None
+                key: math.inf if spec.turn is None else spec.turn
+                for key, spec in axes.items()
+                if spec.turn is not None or spec.limits is not None
             },
             name=name,
         )

@@ -44,6 +44,22 @@ def test_a_turning_axis_stays_in_its_range(tmp_path: Path, gaps: bool) -> None:
     assert rows.position("C").tolist() == [350.0, 10.0]
 
 
+@pytest.mark.parametrize("limits", ["", "limits = [0.0, 360.0]"])
+def test_rows_of_a_raster_are_no_turns_of_an_axis_with_two_ends(
+    tmp_path: Path, limits: str
+) -> None:
+    rows = "".join(f"{c},{x},0,20\n" for x in range(3) for c in range(0, 341, 20))
+    job = job_of(tmp_path, rows)
+    text = job.path.read_text().replace("modulo = [0.0, 360.0]", limits)
+    job.path.write_text(text)
+    if not limits:
+        with pytest.raises(MeasurementError, match="or limits, where it has two ends"):
+            rows_of(load_job(job.path, fits=False), gaps=False)
+        return
+    places = rows_of(load_job(job.path, fits=False), gaps=False).position("C")
+    assert places.max() == 340.0
+
+
 def test_a_marker_for_no_reading_is_left_out_and_said(tmp_path: Path) -> None:
     job = job_of(tmp_path, "0,0,0.1,20\n0,1,9.9e37,20\n0,2,0.3,20\n")
     seen = observe(job)
