@@ -32,6 +32,8 @@ _NOISY = 0.01
 """Share of the largest acceleration that noise may be in what a spline tells of it."""
 _TOLD = 5e-4
 """Share of rows left out from which on it is told."""
+_LATE = 5.0
+"""Standard deviations from which on a delay of stated errors is one."""
 _AT_REST = 1e-3
 """mm/s or °/s: an axis that never moves faster stands."""
 
@@ -68,7 +70,10 @@ def without_motion(measurement: Measurement, axes: Sequence[str]) -> Measurement
 
     Without an encoder, or where the delay cannot be told, only rows at standstill count.
 
-    A measurement that is no log of these axes, or has an error column, stays as it is.
+    The errors of a column of its own, which a logger took, may be late as well: what shows for
+    certain is taken off them likewise.
+
+    A measurement that is no log of these axes stays as it is.
     Rows stay; where an error is not known it is NaN (`with_error` drops them).
 
     Args:
@@ -80,7 +85,13 @@ def without_motion(measurement: Measurement, axes: Sequence[str]) -> Measurement
             from what it lags behind, or times do not ascend.
     """
     moving = [axis for axis in axes if _moves(measurement, axis)]
-    if not moving:
+    stated = [axis for axis in axes if f"{axis}.error" in measurement.values]
+    late_errors = {
+        axis: found
+        for axis in stated
+        if is_log(measurement, axis) and (found := _late_error(measurement, axis))
+    }
+    if not moving and not late_errors:
         return measurement
     time = np.asarray(measurement.require("time"), dtype=float)
     if np.any(np.diff(time) <= 0):
@@ -91,6 +102,7 @@ def without_motion(measurement: Measurement, axes: Sequence[str]) -> Measurement
         )
         raise MeasurementError(str(measurement.source), reason)
     errors = {axis: _error_of(measurement.with_gaps(), axis, time) for axis in moving}
+    errors |= late_errors
     common = next((part.instants for part in errors.values() if part.clock), time)
     values = _at(measurement, time, common)
     remarks = list(measurement.remarks)
@@ -101,7 +113,8 @@ def without_motion(measurement: Measurement, axes: Sequence[str]) -> Measurement
         if np.abs(part.instants - common).max() > _APART:
             error = np.interp(common, part.instants, error)
         gaps[f"{axis}.error"] = error
-        units[f"{axis}.error"] = measurement.units[f"{axis}.actual"]
+        kind = "error" if axis in late_errors else "actual"
+        units[f"{axis}.error"] = measurement.units[f"{axis}.{kind}"]
         remarks.append(part.words)
     for role in values:
         units.setdefault(role, _unit(role, units))
@@ -219,6 +232,28 @@ def _error_of(
         f" since {reason}."
     )
     return _Found(time, error, None, words)
+
+
+def _late_error(measurement: Measurement, axis: str) -> _Found | None:
+    """Return the error of a column without the delay of its instrument, where one shows."""
+    place, time = _place(measurement, axis), measurement.get("time")
+    error = measurement.with_gaps().get(f"{axis}.error")
+    if place is None or time is None or error is None or np.any(np.diff(time) <= 0):
+        return None
+    reference = place + np.asarray(error, dtype=float)
+    try:
+        others = _others(measurement, axis)
+        clock = estimate_instrument(time, place, reference, others=others)
+    except SignalError:
+        return None
+    if not clock.determined or abs(clock.delay) < _LATE * clock.standard_deviation:
+        return None
+    aligned = aligned_error(time, place, reference, clock)
+    words = (
+        f"The error of {axis} was taken in motion and follows its velocity:"
+        f" {clock.statement}, which was taken off."
+    )
+    return _Found(aligned.instants, aligned.error, clock, words)
 
 
 def _others(measurement: Measurement, axis: str) -> np.ndarray | None:

@@ -220,6 +220,21 @@ def test_a_rest_before_the_first_motion_counts_only_where_it_is_most_of_the_log(
     assert (~before).any()
 
 
+@pytest.mark.parametrize("late", [True, False])
+def test_errors_that_a_logger_took_in_motion_are_freed_of_their_delay(
+    tmp_path: Path, late: bool
+) -> None:
+    time, encoder, reference = record(8, seconds=60.0, every=2)
+    if not late:
+        noise = NOISE * np.random.default_rng(8).standard_normal(len(time))
+        reference = encoder + true_error(time) + noise
+    columns = {"time": time, "X.position": encoder, "X.error": reference - encoder}
+    found = with_error(without_motion(written(tmp_path, columns), ["X"]), "X")
+    left = found.values["X.error"] - true_error(found.values["time"])
+    assert np.median(np.abs(left)) < NOISE
+    assert any("follows its velocity" in words for words in found.remarks) == late
+
+
 def test_motion_without_encoder_or_pause_is_refused(tmp_path) -> None:  # type: ignore[no-untyped-def]
     time = 0.05 * np.arange(2000)
     log = written(
