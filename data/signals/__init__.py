@@ -59,9 +59,12 @@ from ._motion import (
     smoothed_motion as smoothed_motion,
 )
 from ._noise import (
+    CLOSER as CLOSER,
+    MANY as MANY,
     NORMAL as NORMAL,
     independent as independent,
     noise_of as noise_of,
+    repeatability as repeatability,
     resolution as resolution,
 )
 from ._order import median as median, quantile as quantile

@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from ._errors import check_lengths
 from ._order import median
@@ -13,6 +13,9 @@ _THIRD = math.sqrt(20.0)
 """Third differences of white noise are that many times as large (1, 3, 3, 1)."""
 NORMAL = 1.4826
 """Standard deviation per median of the absolute value, of normal noise."""
+CLOSER, MANY = 0.2, 10
+"""Part of the scatter of readings of a machine below which others of it never scatter, and how many
+tell how they do."""
 
 
 def noise_of(
@@ -35,6 +38,28 @@ def scatter_of(
     """Return the noise as `noise_of`, of four values at least, whatever the resolution is."""
     third = np.diff(values, 3) / _THIRD if time is None else _divided(values, time)
     return NORMAL * median(np.abs(third))
+
+
+def repeatability(
+    place: Int[np.ndarray, " t"], values: Float[np.ndarray, " t"]
+) -> tuple[float, int]:
+    """Return how values of one place scatter, and how many repeats tell that.
+
+    By how the steps from one to the next of a place differ from those of the next place: an axis
+    that warms up, or a zero that is set anew, moves neighbours alike, and is no scatter.
+
+    Args:
+        place: Number of the place of each, in their order.
+        values: As they follow each other in time at each place.
+    """
+    order = np.argsort(place, kind="stable")
+    place, values = place[order], values[order]
+    again = np.flatnonzero(np.diff(place) == 0)
+    turn = again - np.searchsorted(place, place[again])
+    steps = np.diff(values)[again[np.argsort(turn, kind="stable")]]
+    if steps.size < 2:
+        return 0.0, 0
+    return 0.5 * NORMAL * median(np.abs(np.diff(steps))), steps.size
 
 
 def _divided(

@@ -260,12 +260,14 @@ def test_a_factor_that_is_no_fault_is_said_and_not_guessed() -> None:
     assert "cannot tell: what it does is 0.5" in one.sentence
 
 
-@pytest.mark.parametrize("times", [1e-3, 0.0])
-def test_errors_too_good_to_be_of_the_machine_are_refused(times: float) -> None:
-    # Of the opposite sign, read in mm for µm; and a column that stands at zero.
+@pytest.mark.parametrize(("times", "acts"), [(1e-3, -1.0), (0.0, -1.0), (0.1, 0.0)])
+def test_errors_too_good_to_be_of_the_machine_are_refused(
+    times: float, acts: float
+) -> None:
+    # Of the opposite sign, read in mm for µm; a column that stands at zero; not loaded, in 10 µm.
     noise = 1e-3 * np.random.default_rng(5).normal(size=(2, X.size))
     before = [Measured(1, {1: X}, error(X) + noise[0], WAY)]
-    after = [Measured(1, {1: X}, times * (2 * error(X) + noise[1]), WAY)]
+    after = [Measured(1, {1: X}, times * ((1 - acts) * error(X) + noise[1]), WAY)]
     with pytest.raises(ExchangeError, match="is their unit right"):
         diagnose([LIST], before, after, Reading(Conventions()))
 

@@ -9,7 +9,14 @@ from jaxtyping import Bool, Float, Int
 
 from ....data.errors import FoundError
 from ....data.measurements import Iso230, iso230
-from ....data.signals import MOST_WILD, resolution, wild_readings
+from ....data.signals import (
+    CLOSER,
+    MANY,
+    MOST_WILD,
+    repeatability,
+    resolution,
+    wild_readings,
+)
 from ...proof import (
     Diagnosis,
     ErrorFigures,
@@ -30,9 +37,8 @@ _LEFT = 5.0
 _BESIDE = 4
 """Neighbours, itself among them, that judge a place that was read once."""
 
-_FINER, _REPEATS = 0.05, 3
-"""Part of the scatter of first readings below which no second ones scatter, and how many repeats
-tell that of these."""
+_FINER = 0.05
+"""Part of what is predicted below which no second readings lie."""
 
 _WHOLE, _GAP, _WIDER = 0.8, 0.15, 2.5
 """Share of the travel from which on a second measurement speaks for all of it; share of it that
@@ -136,6 +142,23 @@ def near_of(
     return ", ".join(words)
 
 
+def scatter_of(
+    positions: Float[np.ndarray, "t d"],
+    error: Float[np.ndarray, " t"],
+    direction: Int[np.ndarray, " t"] | None,
+) -> float:
+    """Return how readings of one place scatter in mm or °; infinity where few repeat one.
+
+    Arguments are those of `near_of`.
+    """
+    columns = (
+        positions if direction is None else np.column_stack([positions, direction])
+    )
+    at = np.unique(columns.round(2), axis=0, return_inverse=True)[1].reshape(-1)
+    scatter, count = repeatability(at, error)
+    return scatter if count >= MANY else np.inf
+
+
 def _reach(places: Float[np.ndarray, " t"], turn: float | None) -> tuple[float, float]:
     """Return the first and the last place; on an axis that goes round, beside the widest gap."""
     if turn is None:
@@ -189,6 +212,7 @@ class SecondMeasurement:
             many times it acts; empty where only a diagnosis can tell that.
         factor: How many times it acts, and its standard deviation, where these readings
             show that by themselves; else None.
+        noise: How readings of the first measurement scatter in mm or °; 0: not known.
     """
 
     name: str
@@ -207,6 +231,7 @@ class SecondMeasurement:
         default_factory=lambda: np.zeros(0)
     )
     factor: tuple[float, float] | None = None
+    noise: float = 0.0
 
     def __post_init__(self) -> None:
         if self.error.size == 0 or not np.isfinite(self.error).all():
@@ -236,26 +261,35 @@ class SecondMeasurement:
         Raises:
             SecondMeasurementError: If they are.
         """
-        scatter = self.figures.rms
-        if self.run is not None:  # within one, a log stands still for many readings
-            columns = self.positions.round(2)
-            if self.direction is not None:
-                columns = np.column_stack([columns, self.direction])
-            at = np.unique(columns, axis=0, return_inverse=True)[1].reshape(-1)
-            count = np.bincount(at)
-            rest = self.error - (np.bincount(at, self.error) / count)[at]
-            if (free := len(rest) - len(count)) >= _REPEATS:
-                scatter = min(scatter, float(np.sqrt(rest @ rest / free)))
         # What is smaller than a step of the display shows as nothing.
         step = max(map(resolution, (first, self.error)))
-        if scatter >= _FINER * predicted or predicted <= step:
-            return
-        raise SecondMeasurementError(
-            self.name,
-            f"readings of the error that scatter by {1e3 * scatter:.1g} {unit}, where"
-            f" {1e3 * predicted:.2g} {unit} are left of the first ones at best",
-            "readings of the machine: is their unit right, and their column (columns)",
-        )
+        for scatter, least, left in (
+            (self.figures.rms, _FINER * predicted, predicted),
+            (self._scatter, CLOSER * self.noise, self.noise),
+        ):
+            if scatter < least and left > step:
+                raise SecondMeasurementError(
+                    self.name,
+                    f"readings of the error that scatter by {1e3 * scatter:.1g} {unit}, where"
+                    f" {1e3 * left:.2g} {unit} are left of the first ones at best",
+                    "readings of the machine: is their unit right, and their column (columns)",
+                )
+
+    @property
+    def _scatter(self) -> float:
+        """How readings scatter in mm or °, by repeats, or about all that the list may add."""
+        repeats = np.inf
+        if self.run is not None:  # within one, a log stands still for many readings
+            repeats = scatter_of(self.positions, self.error, self.direction)
+        if not self.adds.size:
+            return repeats
+        columns = [np.ones(len(self.error)), self.positions, self.adds]
+        known, error = np.column_stack(columns)[self.sound], self.error[self.sound]
+        if (free := len(error) - known.shape[1]) < MANY:
+            return repeats
+        # A tenth of a bare error lies near the list as no machine does.
+        rest = error - known @ np.linalg.lstsq(known, error)[0]
+        return min(repeats, float(np.sqrt(rest @ rest / free)))
 
     @property
     def figures(self) -> ErrorFigures:

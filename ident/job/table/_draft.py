@@ -19,7 +19,7 @@ from ...readings import Readings, Tables, without_zero
 from .._draft import AbstractDraft, Foreseen
 from .._gating import spread_over, switching_remarks
 from ..result._result import Remark, SampleView, TableResult, staged
-from ..result._second import SecondMeasurement, gap_of, near_of, part_of
+from ..result._second import SecondMeasurement, gap_of, near_of, part_of, scatter_of
 from ._plan import Plan
 from ._readings import datum_of, read_fit, run_table, zero_at
 from ._remarks import LOG, fit_remarks, outside, places_of
@@ -202,7 +202,10 @@ class TableDraft(AbstractDraft):
                 sound = level[~wild_readings(level)]
                 before = float(np.sqrt(np.mean(np.square(sound))))
         error = readings.error - zero_at(readings, datum, table)
-        near = ""
+        near, noise, old = "", 0.0, self.readings
+        if self.in_memory and old.late is None:  # a recording scatters in its own way
+            repeats = scatter_of(old.positions, old.error, old.direction)
+            noise = min(self.estimate.noise, repeats)
         # Somebody went from place to place.
         if readings.late is None and len(error) < LOG:
             visits = readings.positions, error, readings.direction
@@ -215,6 +218,7 @@ class TableDraft(AbstractDraft):
             readings.run if run_table(readings, table) is not None else None,
             added=float(np.std(added)),
             adds=added,
+            noise=noise,
             near=near,
             trend=trend_left(again, plan, readings.positions, error),
             unseen=unseen,

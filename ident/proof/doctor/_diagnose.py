@@ -60,7 +60,7 @@ def diagnose(
         count = len(changes[axis].change)
         words = f"{count} places of A{axis} that both measurements have"
         expect(count >= _FEWEST, "doctor", words, f"at least {_FEWEST}")
-        words = f"errors of A{axis} that vary far less than repeats before scatter"
+        words = f"errors of A{axis} that vary or repeat far closer than those before"
         expected = "readings of the machine: is their unit right, and their column"
         expect(not too_good(earlier, later), "doctor", words, expected)
     switched_uses = [use for use in active if switched.get((use.axis, use.name))]

@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 import numpy as np
 from jaxtyping import Float, Int
 
-from ....data.signals import NORMAL, resolution
+from ....data.signals import CLOSER, MANY, repeatability, resolution
 
 _PLACE = 0.01
 """mm or °: readings that near to each other are of one place."""
@@ -119,23 +119,25 @@ def difference(
 
 
 def too_good(before: Sequence[Measured], after: Sequence[Measured]) -> bool:
-    """Return whether second errors vary far less than repeats of the first ones scatter.
+    """Return whether second errors vary, or repeat, far closer than the first ones repeat.
 
     Then they are none of the machine: of another unit, or of another column.
     """
-    axes = sorted(set.intersection(*({*one.positions} for one in before)))
-    places = _places(before, axes, all(one.direction is not None for one in before))
-    error = np.concatenate([one.error for one in before])
-    # From one to the next at a place: what changes in the course of time is no scatter.
-    order = np.argsort(places.at, kind="stable")
-    steps = np.diff(error[order])[np.diff(places.at[order]) == 0]
-    if len(steps) < _REPEATS:
-        return False
-    scatter = NORMAL * float(np.median(np.abs(steps))) / np.sqrt(2.0)
-    later = np.concatenate([one.error for one in after])
+    errors, repeats = [], []
+    for measured in (before, after):
+        axes = sorted(set.intersection(*({*one.positions} for one in measured)))
+        directed = all(one.direction is not None for one in measured)
+        errors.append(np.concatenate([one.error for one in measured]))
+        places = _places(measured, axes, directed)
+        repeats.append(repeatability(places.at, errors[-1]))
+    (scatter, count), (again, number) = repeats
     # What is smaller than a step of the display shows as nothing.
-    step = max(resolution(error), resolution(later))
-    return bool(np.std(later) < _FINER * scatter and scatter > step)
+    if count < _REPEATS or scatter <= max(map(resolution, errors)):
+        return False
+    # A recording stands still for many readings.
+    known = min(count, number) >= MANY and all(one.time is None for one in after)
+    finer = known and again < CLOSER * scatter
+    return bool(finer or np.std(errors[1]) < _FINER * scatter)
 
 
 @dataclasses.dataclass(frozen=True)

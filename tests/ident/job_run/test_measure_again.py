@@ -135,13 +135,17 @@ def test_load_sheet_begins_with_a_dial_and_ends_with_the_second_measurement(
     assert "axcomp fit job.toml --after AFTER.toml" in sheet[-1].detail
 
 
-@pytest.mark.parametrize("times", [1e-3, 1 / 25.4, 0.0])
+@pytest.mark.parametrize(
+    ("times", "added"),
+    [(1e-3, -1.0), (1 / 25.4, -1.0), (0.0, -1.0), (0.1, 0.0), (0.1, 2.0)],
+)
 def test_readings_too_good_to_be_of_the_machine_prove_no_list(
-    job: Path, times: float, capsys: pytest.CaptureFixture[str]
+    job: Path, times: float, added: float, capsys: pytest.CaptureFixture[str]
 ) -> None:
     # Millimetres, or inches, taken for what they are not; or a column that stands at zero. The
-    # sign is the wrong one: the list doubles the error.
-    after = after_job(job.parent, -1.0)
+    # sign is the wrong one: the list doubles the error. A tenth of the error of a list that was
+    # not loaded, or acts twice, lies near what a right one leaves.
+    after = after_job(job.parent, added)
     head, *rows = (job.parent / "after.csv").read_text().splitlines()
     lines = [row.split(",") for row in rows]
     for line in lines:
