@@ -221,9 +221,9 @@ def measure_again(
 
 
 def _beside(fit: AbstractResult, fits: Sequence[AbstractResult]) -> AbstractResult:
-    """Return a fit with the wrong fits of its axis, where it is right and its error stays large."""
+    """Return a fit with the wrong fits of its axis, where it is not and its error stays large."""
     again = fit.again
-    if again is None or again.diagnosis is None or again.diagnosis.verdict != "right":
+    if again is None or again.is_wrong:
         return fit
     wrong = tuple(
         other.compensation

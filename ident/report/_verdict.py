@@ -1,7 +1,8 @@
 """The headline of a fit: its verdict in one sentence, ready to act on."""
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 from ..job import (
     AbstractResult,
@@ -177,14 +178,16 @@ def _diagnosed(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
     words = _diagnosis_of(fit.again)
     if fit.judgement.verdict is not Verdict.REJECTED:
         file, date = fit.again.source["file"], fit.again.source["date"]
-        readings, slope = fit.again.readings, ""
-        if readings is not None and "slope" in readings.unseen:
-            over = " and ".join(readings.unseen["slope"])
+        unseen = {} if fit.again.readings is None else fit.again.readings.unseen
+        saw, slope = " and ".join(_saw(fit, unseen)), ""
+        if "slope" in unseen:
+            over = " and ".join(unseen["slope"])
             slope = (
                 f' It shows no slope over {over} (remove = "line"), which may be all that the'
                 " list adds: what is left is no proof."
             )
-        return f"Not verified by a second measurement ({file}, {date}){words}.{slope}"
+        source = f"({file}, {date}){saw and f', which {saw}'}"
+        return f"Not verified by a second measurement {source}{words}.{slope}"
     does = _DOES[str(reason.fields["verdict"])]
     return f"Take the list out again: {does}{words}; {_again(fit, scale)}."
 
@@ -203,10 +206,14 @@ def _no_better(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
 
 
 def _beside(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
-    compensations = " and ".join(reason.fields["compensations"])
+    again, compensations = fit.again, " and ".join(reason.fields["compensations"])
+    assert again is not None  # it found them
+    start, words = "Right by itself, as a part of", ""
+    if not again.acts:
+        start, words = "Not known yet, as one part of", _diagnosis_of(again)
     return (
-        f"Right by itself, as a part of what moves {fit.axis}: {_again(fit, scale)}, since"
-        f" the {compensations} of {fit.axis} is wrong. Mend that, and measure again."
+        f"{start} what moves {fit.axis}: {_again(fit, scale)}, since"
+        f" the {compensations} of {fit.axis} is wrong{words}. Mend that, and measure again."
     )
 
 
@@ -227,19 +234,8 @@ def _near(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
 
 
 def _in_part(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
-    fields, unit, where = reason.fields, "°" if fit.unit == "deg" else "mm", []
-    clauses, ask = [], "measure the rest of its travel again"
-    if "axis" in fields:
-        low, high = (f"{fields[name]:.4g}" for name in ("low", "high"))
-        place = f"at {low}" if low == high else f"from {low} to {high}"
-        where.append(f"{fields['axis']} {place} {unit}")
-    if "direction" in fields:
-        where.append(f"motion in {'+' if fields['direction'] > 0 else '−'} direction")
-    if where:
-        clauses.append(f"saw {' and '.join(where)} only")
-    if "gap" in fields:
-        axis, low, high = fields["gap"]
-        clauses.append(f"saw nothing of {axis} between {low:.4g} and {high:.4g} {unit}")
+    fields, ask = reason.fields, "measure the rest of its travel again"
+    clauses = _saw(fit, fields)
     if "slope" in fields:
         over = " and ".join(fields["slope"])
         clauses.append(f'shows no slope over {over} (remove = "line")')
@@ -255,6 +251,23 @@ def _in_part(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
         f"Verified in part: {_fall(fit, scale)}; {_again(fit, scale)}, which"
         f" {' and '.join(clauses)}: {ask}."
     )
+
+
+def _saw(fit: AbstractResult, fields: Mapping[str, Any]) -> list[str]:
+    """Return what a second measurement saw only, or did not see, as clauses."""
+    unit, where, clauses = "°" if fit.unit == "deg" else "mm", [], []
+    if "axis" in fields:
+        low, high = (f"{fields[name]:.4g}" for name in ("low", "high"))
+        place = f"at {low}" if low == high else f"from {low} to {high}"
+        where.append(f"{fields['axis']} {place} {unit}")
+    if "direction" in fields:
+        where.append(f"motion in {'+' if fields['direction'] > 0 else '−'} direction")
+    if where:
+        clauses.append(f"saw {' and '.join(where)} only")
+    if "gap" in fields:
+        axis, low, high = fields["gap"]
+        clauses.append(f"saw nothing of {axis} between {low:.4g} and {high:.4g} {unit}")
+    return clauses
 
 
 def _less_than_predicted(fit: AbstractResult, scale: Scale, _: Reason) -> str:

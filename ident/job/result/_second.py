@@ -323,7 +323,7 @@ class MeasuredAgain:
             axis for a fit of a group.
         predicted: Likewise, as predicted with the list active.
         beside: Compensations of the axis that do something else than their lists say, where
-            this one is right.
+            this one is not known to.
     """
 
     source: Mapping[str, str]

@@ -51,7 +51,8 @@ class Code(enum.StrEnum):
     LESS_THAN_PREDICTED = "less_than_predicted"
     """With the list active the error is smaller, by less than predicted."""
     BESIDE = "beside"
-    """It does what it says, and another list of the axis does not [compensations]."""
+    """Another list of the axis does not do what it says [compensations], and this one does, or what
+    is left does not tell."""
     UNOWNED = "unowned"
     """With the list active a constant or slope is left, and its job does not say whose
     [words]."""
@@ -130,7 +131,8 @@ def judgement_of(fit: "AbstractResult") -> Judgement:
         reasons.append(Reason(Code.ASSUMED, {"conventions": assumed}))
     # Without figures of its own only a diagnosis can verify.
     unseen = fit.again is not None and fit.again.rms is None and not acts
-    if fit.again is not None and (assumed or unseen):
+    told = any(reason.code is Code.DIAGNOSED for reason in reasons)
+    if fit.again is not None and (assumed or unseen) and not told:
         diagnosed = None if fit.again.diagnosis is None else fit.again.diagnosis.verdict
         reasons.append(Reason(Code.DIAGNOSED, {"verdict": diagnosed, "value": None}))
     if reasons:
@@ -177,7 +179,7 @@ def _doubts(fit: "AbstractResult") -> list[Reason]:
     if again.readings.near:
         return [Reason(Code.NEAR, {"where": again.readings.near})]
     unseen = again.readings.unseen
-    if "slope" in unseen and not again.acts:  # a slope may be all that it adds
+    if unseen and not again.acts:  # what they do not show may be all that it adds
         told = None if again.diagnosis is None else again.diagnosis.verdict
         return [Reason(Code.DIAGNOSED, {"verdict": told, "value": None})]
     return [Reason(Code.IN_PART, unseen)] if unseen else []

@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -257,6 +258,52 @@ def test_right_list_beside_a_wrong_one_is_not_to_be_taken_out(
     fits = json.loads((tmp_path / "out" / "result.json").read_text())["fits"]
     assert [one["reasons"][0]["code"] for one in fits] == ["diagnosed", "beside"]
     assert "the cross of Z is wrong" in " ".join(capsys.readouterr().out.split())
+
+
+def again(folder: Path, acts: tuple[float, float], *names: str) -> list[dict[str, Any]]:
+    """Fits of cross and plane that act so many times, by second readings of the same names."""
+    edge(folder)
+    x, y = (np.tile(each.ravel(), 2) for each in np.meshgrid(X, Y))
+    noise = 1e-3 * np.random.default_rng(3).standard_normal((2, len(x)))
+    table(folder / "probe.csv", "x,y,dz", x, y, sag(x, y) + noise[0])
+    plane = PLANE.replace("smoothness = 0\n", "")
+    assert fit(folder, AXES + measured("edge") + measured("probe") + CROSS + plane) == 0
+    listing = ListFile.read(folder / "out" / "achskw3.lis")
+    adds = acts[0] * cross_by_hand(listing, y) + acts[1] * plane_by_hand(listing, x, y)
+    after, more = AXES + 'list = "out/achskw3.lis"\n', 'active = ["cross", "plane"]'
+    for name in names:
+        rows = x == 200.0 if name == "edge" else slice(None)
+        left = sag(x, y) + adds + noise[1]
+        table(folder / f"{name}2.csv", "x,y,dz", x[rows], y[rows], left[rows])
+        after += measured(name, more).replace(".csv", "2.csv")
+    (folder / "after.toml").write_text(after)
+    job, out = str(folder / "job.toml"), str(folder / "out")
+    assert main(["fit", job, "--out", out, "--after", str(folder / "after.toml")])
+    return list(json.loads((folder / "out" / "result.json").read_text())["fits"])
+
+
+@pytest.mark.parametrize("acts", [-1.0, 0.0, 2.0])
+def test_list_of_which_nothing_sure_is_known_is_not_blamed_for_a_wrong_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], acts: float
+) -> None:
+    # Of a plane that slopes noisy readings do not tell where it begins.
+    fits = again(tmp_path, (acts, 1.0), "edge", "probe")
+    assert fits[1]["diagnosis"]["verdict"] == "cannot tell"
+    assert [one["reasons"][0]["code"] for one in fits] == ["diagnosed", "beside"]
+    said = " ".join(capsys.readouterr().out.split())
+    assert "Not known yet, as one part of what moves Z" in said
+
+
+def test_readings_that_do_not_see_a_list_verify_no_part_of_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    # Along one edge the plane adds next to nothing that changes, and acts turned round.
+    cross, plane = again(tmp_path, (1.0, -1.0), "edge")
+    assert cross["reasons"][0]["code"] == "verified"
+    assert [each["code"] for each in plane["reasons"]] == ["diagnosed", "assumed"]
+    said = " ".join(capsys.readouterr().out.split())
+    assert "which saw X at 200 mm only" in said
+    assert "Verified in part" not in said
 
 
 def test_a_group_beside_an_old_table_is_held_to_what_it_leaves_as_a_whole(
