@@ -194,15 +194,22 @@ def _diagnosed(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
 
 def _no_better(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
     assert fit.again is not None  # its figures make the reason
-    words, trend = _diagnosis_of(fit.again), fit.again.trend
-    if trend is not None:
-        remainder = f"{scale.figure(trend.rest)} {scale.error}"
-        words = (
-            f": without it {remainder} would be left, as predicted. Before it goes in again, find"
-            f" what moved {fit.axis} since: its temperature, or the zero of the instrument"
-        )
+    words = _diagnosis_of(fit.again)
+    if fit.again.trend is not None:
+        words = _moved(fit, scale, "Before it goes in again, find")
     found = _again(fit, scale)
     return f"Take the list out again: {found}, no better than before{words}."
+
+
+def _moved(fit: AbstractResult, scale: Scale, find: str) -> str:
+    """Return that a constant and slopes are all that is left more than predicted."""
+    assert fit.again is not None  # its readings have them
+    assert fit.again.trend is not None
+    return (
+        f": without it {scale.figure(fit.again.trend.rest)} {scale.error} would be left, as"
+        f" predicted. {find} what moved {fit.axis} since: its temperature, or the zero of the"
+        " instrument"
+    )
 
 
 def _beside(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
@@ -283,7 +290,10 @@ def _less_than_predicted(fit: AbstractResult, scale: Scale, _: Reason) -> str:
             f"the error of {fit.axis} was to fall from {before} to {predicted} {scale.error}"
             " rms with all lists of its group"
         )
-    return f"{start}: {fall}; {_again(fit, scale)}{_diagnosis_of(again)}."
+    words = _diagnosis_of(again)
+    if again.trend is not None and again.acts:
+        words += _moved(fit, scale, "Find")
+    return f"{start}: {fall}; {_again(fit, scale)}{words}."
 
 
 def _verified(fit: AbstractResult, scale: Scale, _: Reason) -> str:

@@ -3,7 +3,7 @@
 import dataclasses
 import math
 import operator
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
@@ -12,12 +12,15 @@ from ....models import Conventions
 from ...exchange import InUse, Reading, machine_lists
 from ...exchange._units import expect
 from ...kinds import kind
-from ..verify import FAULT
+from ..verify import FAULT, search
 from ._cases import SUSPECTED, Diagnosis, Scene, cases_of
 from ._measured import Difference, Measured, difference, too_good
 
 SURE = 0.99
 """Probability from which on a verdict is given."""
+
+_LESS = 0.7
+"""Share of what the best fault leaves of a change, below which a slope beside the list is one."""
 
 _FEWEST = 4
 """Places that an axis must have been measured at, both times."""
@@ -83,18 +86,41 @@ def diagnose(
                 two_sided.add(use)  # the flanks alone, which no temperature tells apart
         else:
             blurred.add(use.axis)
-    return tuple(
-        _judged(use, _with_slope(scene, use.axis), False)
-        if use.axis in blurred and use in two_sided
-        else _judged(use, scene, use.axis in blurred)
-        for use in switched_uses
-    )
+
+    def judged(use: InUse) -> Diagnosis:
+        if use.axis not in blurred:
+            return _but_for_a_slope(use, scene, _judged(use, scene, False))
+        if use in two_sided:
+            every = changes[use.axis].positions
+            return _judged(use, _with_slope(scene, use.axis, every), False)
+        return _judged(use, scene, True)
+
+    return tuple(map(judged, switched_uses))
 
 
-def _with_slope(scene: Scene, axis: int) -> Scene:
-    """Return what was measured, a slope over the positions free: a temperature line has one."""
+def _but_for_a_slope(use: InUse, scene: Scene, diagnosis: Diagnosis) -> Diagnosis:
+    """Return a diagnosis; right where a slope beside the list explains more than any fault.
+
+    An axis that has warmed up since has one, over its own positions.
+    """
+    own = {use.axis} & scene.changes[use.axis].positions.keys() - scene.reading.modulo
+    if diagnosis.verdict == "right" or not own:
+        return diagnosis
+    sloped, left = _with_slope(scene, use.axis, own), []
+    free = _judged(use, sloped, False)
+    for each in (scene, sloped):
+        found = search(each.channel(use, use.axis), each.target(use, use.axis))
+        left.append(np.median(np.abs(found.residual)))
+    if free.verdict != "right" or left[1] > _LESS * left[0]:
+        return diagnosis
+    words = f"{free.sentence}, beside a slope that no list adds (temperature?)"
+    return dataclasses.replace(free, sentence=words)
+
+
+def _with_slope(scene: Scene, axis: int, over: Collection[int]) -> Scene:
+    """Return what was measured, a slope over positions free: a temperature line has one."""
     change = scene.changes[axis]
-    free = np.column_stack([change.free, *change.positions.values()])
+    free = np.column_stack([change.free, *(change.positions[each] for each in over)])
     changes = {**scene.changes, axis: dataclasses.replace(change, free=free)}
     return dataclasses.replace(scene, changes=changes)
 

@@ -36,6 +36,7 @@ def laser(
     ways: int = 1,
     loaded: tuple[float, float] = (-np.inf, np.inf),
     zero: float = 0.0,
+    slope: float = 0.0,
     entry: float = 0.0,
     noise: float = 3e-4,
 ) -> None:
@@ -49,9 +50,8 @@ def laser(
     direction = np.tile(np.repeat([1, -1], len(there)), 3)
     run = np.repeat([1, 2, 3], 2 * len(there))
     # 0.3 µm of noise beside 20 µm of error.
-    error = (
-        zero + screw_error(target, direction) + noise * rng.standard_normal(len(run))
-    )
+    error = zero + slope * target + screw_error(target, direction)
+    error += noise * rng.standard_normal(len(run))
     if added is not None:
         acts = (target >= loaded[0]) & (target <= loaded[1])
         adds = offsets(path.parent / "out", 1, A1=target, D=ways * direction)
@@ -379,6 +379,20 @@ def test_machine_that_moved_since_is_named_beside_a_list_that_acts_as_predicted(
     verdict = " ".join(capsys.readouterr().out.split()).partition("verdict: ")[2]
     assert verdict.startswith("Take the list out again")
     assert "as predicted. Before it goes in again, find what moved X since" in verdict
+
+
+def test_list_of_an_axis_that_has_warmed_up_is_not_to_be_taken_out(
+    job: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    again = after_job(job.parent, 1.0, slope=3e-5)  # 2.6 K of steel
+    again.write_text(again.read_text() + 'remove = "none"\n')
+    assert fit(job, "--after", str(again)) == 0
+    one = fitted(job)
+    assert [each["code"] for each in one["reasons"]] == ["less_than_predicted"]
+    assert "beside a slope that no list adds" in one["diagnosis"]["sentence"]
+    verdict = " ".join(capsys.readouterr().out.split()).partition("verdict: ")[2]
+    assert verdict.startswith("Better, but less than predicted")
+    assert "Find what moved X since: its temperature, or the zero" in verdict
 
 
 def test_second_measurement_that_shows_nothing_is_no_success(
