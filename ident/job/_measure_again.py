@@ -21,7 +21,7 @@ from ...data.lists import ListFile
 from ..core import FitError, regress
 from ..exchange import ExchangeError, StoredConventions, read_conventions
 from ..kinds import kind
-from ..proof import Diagnosis, diagnose, not_judged
+from ..proof import Diagnosis, Measured, diagnose, not_judged
 from ..readings import Tables, errors_in, read_outside
 from ._draft import AbstractDraft
 from .file._load import Job, load_job
@@ -245,7 +245,8 @@ def _with_factors(
 
     What all lists of an axis add is the negative of its error as it was fitted: what is left
     of it in the second measurement is how much more or less each of them adds. That counts
-    where nothing else is left: a list that acts in a part only is no factor.
+    where nothing else is left: a list that acts in a part only is no factor. Where that leaves
+    more, those that acted before may still act, or do so no longer, whatever the new ones do.
 
     Args:
         fits: As the first job has them.
@@ -266,16 +267,26 @@ def _with_factors(
         first, error = fits[min(own)], own[min(own)].error
         if len(own) == 1 and (first.axis_number, first.compensation) in told:
             continue  # one list alone is diagnosed better
-        columns = np.stack([np.ones(len(error)), *adds], axis=1)
-        with contextlib.suppress(FitError):
-            fitted = regress(columns, error, loss="gauss")
-            rest = error - columns @ fitted.coefficients
-            if np.std(rest) > LESS * predicted[axis]:
-                continue
-            values = (1.0 + fitted.coefficients[1:]).tolist()
-            deviations = fitted.standard_deviation[1:].tolist()
-            for k, *factor in zip(own, values, deviations, strict=True):
-                result[k] = dataclasses.replace(own[k], factor=(factor[0], factor[1]))
+        acted = {k: one.acted for k, one in own.items() if one.acted.any()}
+        whole = [one.adds + acted.get(k, 0.0) for k, one in own.items()]
+        for parts in (adds, [*whole, *acted.values()])[: 1 + bool(acted)]:
+            columns = np.stack([np.ones(len(error)), *parts], axis=1)
+            with contextlib.suppress(FitError):
+                fitted = regress(columns, error, loss="gauss")
+                rest = error - columns @ fitted.coefficients
+                if np.std(rest) > LESS * predicted[axis]:
+                    continue
+                values, spread = fitted.coefficients, fitted.standard_deviation
+                pairs = [
+                    (float(values[n]), float(spread[n])) for n in range(len(values))
+                ]
+                still = dict(zip(acted, pairs[1 + len(own) :], strict=False))
+                for n, (k, one) in enumerate(own.items(), start=1):
+                    factor = 1.0 + pairs[n][0], pairs[n][1]
+                    result[k] = dataclasses.replace(
+                        one, factor=factor, still=still.get(k)
+                    )
+                break
     return result
 
 
@@ -283,19 +294,26 @@ def _turned(
     fit: AbstractResult, diagnosis: Diagnosis | None, readings: SecondMeasurement | None
 ) -> Diagnosis | None:
     """Return a diagnosis; a fault for none or "cannot tell" where readings show its factor."""
-    factor = None if readings is None else readings.factor
     told = diagnosis is not None and diagnosis.verdict != "cannot tell"
-    if told or factor is None:
+    if told or readings is None or (factor := readings.factor) is None:
         return diagnosis
-    value, deviation = factor
+    (value, deviation), identity = factor, (fit.axis_number, fit.compensation)
+    old, spread = readings.still or (0.0, 0.0)
     times = min(_FACTORS, key=lambda each: abs(value - each))
     near = _NEAR * (abs(times) or 1.0)
-    if abs(value - times) <= near and 3.0 * deviation <= near:
+    sure = abs(value - times) <= near and 3.0 * max(deviation, spread) <= near
+    if sure and abs(old) <= _NEAR:
         verdict, words, sign = _FACTORS[times]
-        if diagnosis is None and not times:
+        if readings.still is not None:  # the one before acted as assumed
+            sign = max(sign, 0)
+        elif diagnosis is None and not times:
             words = "nothing has changed: the list that acted before is still the one loaded"
-        identity = fit.axis_number, fit.compensation
         return Diagnosis(*identity, verdict, value, sentence=words, sign=sign)
+    if sure and times == 1.0 and abs(old - 1.0) <= _NEAR:
+        words = (
+            "the list that acted before still acts beside it, and is contained in it"
+        )
+        return Diagnosis(*identity, "twice", value, sentence=words, sign=1)
     # Readings at standstill see a temperature line as a constant.
     words = (
         f"cannot tell: what it does is {value:.2g} ± {deviation:.1g} times what it says"
@@ -340,11 +358,26 @@ def _diagnoses(
     reading = dataclasses.replace(second.job.reading, conventions=job.conventions)
     try:
         outside = read_outside(job), read_outside(second.job)
+        if all(_stayed_on(result, *outside) for result in results):
+            return {}, remarks  # readings tell what is added, and no switching does
         diagnoses = diagnose(lists, *outside, reading, names=names)
     except ExchangeError as error:
         words = f"What the lists do cannot be diagnosed from {second.name}: {error}"
         return {}, [*remarks, Remark.warning(words)]
     return {(one.axis, one.compensation): one for one in diagnoses}, remarks
+
+
+def _stayed_on(
+    result: AbstractResult, before: Sequence[Measured], after: Sequence[Measured]
+) -> bool:
+    """Return whether a compensation acted in both measurements, by what their jobs state."""
+    first, second = (
+        [one.active for one in each if one.axis == result.axis_number]
+        for each in (before, after)
+    )
+    name = result.compensation
+    stated = bool(first) and all(name in (on or ()) for on in first)
+    return stated and all(on is None or name in on for on in second)
 
 
 def _other_list(

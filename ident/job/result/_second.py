@@ -210,8 +210,11 @@ class SecondMeasurement:
         trend: Constant and slopes of these readings, where they are large; else None.
         adds: What the list adds at each of these readings in mm or °, from which is told how
             many times it acts; empty where only a diagnosis can tell that.
+        acted: What the list added there that acted before and is contained in this one, in mm
+            or °; empty where there was none.
         factor: How many times it acts, and its standard deviation, where these readings
             show that by themselves; else None.
+        still: The same of the list that acted before, where it was told apart; else None.
         noise: How readings of the first measurement scatter in mm or °; 0: not known.
     """
 
@@ -230,7 +233,11 @@ class SecondMeasurement:
     adds: Float[np.ndarray, " t"] = dataclasses.field(
         default_factory=lambda: np.zeros(0)
     )
+    acted: Float[np.ndarray, " t"] = dataclasses.field(
+        default_factory=lambda: np.zeros(0)
+    )
     factor: tuple[float, float] | None = None
+    still: tuple[float, float] | None = None
     noise: float = 0.0
 
     def __post_init__(self) -> None:

@@ -183,7 +183,8 @@ class TableDraft(AbstractDraft):
         along = table.masters == (table.axis,)
         branch = plan.branch(readings.direction)
         added = table.offset(table.model(self.integers), readings.positions, branch)
-        added = added - plan.acted(readings.positions, branch)
+        acted = plan.acted(readings.positions, branch)
+        added = added - acted
         turn = None if table.modulo is None else float(np.diff(table.modulo)[0])
         ways = set() if readings.direction is None else set(readings.direction.tolist())
         places = fit.over, self.readings.positions, readings.positions
@@ -195,7 +196,10 @@ class TableDraft(AbstractDraft):
         if not (part or turn) and (gap := gap_of(*places)):
             unseen["gap"] = [*gap]
         if "line" in _removed(tables.job, fit):  # no reading shows a slope
-            added = without_zero(added, [*readings.positions.T], "line")
+            added, acted = (
+                without_zero(each, [*readings.positions.T], "line")
+                for each in (added, acted)
+            )
             if "line" not in _removed(self.job, self.fit):
                 old, unseen["slope"] = self.readings, [*fit.over]
                 level = without_zero(old.error, [*old.positions.T], "line")
@@ -218,6 +222,7 @@ class TableDraft(AbstractDraft):
             readings.run if run_table(readings, table) is not None else None,
             added=float(np.std(added)),
             adds=added,
+            acted=acted,
             noise=noise,
             near=near,
             trend=trend_left(again, plan, readings.positions, error),

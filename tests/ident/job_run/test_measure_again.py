@@ -546,6 +546,33 @@ def test_sign_that_a_log_settled_is_not_turned_by_an_instrument(
     assert "was settled before and stays" in capsys.readouterr().out
 
 
+def over_old(folder: Path, acts: float) -> tuple[Path, np.ndarray, np.ndarray]:
+    """A job of readings with an old list that acts so often: path, columns without it, and it."""
+    (folder / "old").mkdir()
+    whole = old_list(folder / "old")
+    kept = [line for line in whole.splitlines(True) if b"crosscomp" not in line]
+    (folder / "achskw1.lis").write_bytes(b"".join(kept))
+    laser(folder / "laser.csv", None)
+    bare = runs_of(folder / "laser.csv")
+    old = offsets(folder, 1, A1=bare[0], D=bare[3].astype(int))
+    write_runs(folder / "laser.csv", bare, acts * old)
+    job = screw_job(
+        folder, axis='list = "achskw1.lis"', measurement='active = ["leadscrew"]'
+    )
+    run_job(job, folder / "out")
+    return job, bare, old
+
+
+def runs_of(path: Path) -> np.ndarray:
+    columns: np.ndarray = np.genfromtxt(path, delimiter=",", skip_header=1).T
+    return columns
+
+
+def write_runs(path: Path, bare: np.ndarray, added: np.ndarray) -> None:
+    rows = [bare[0], bare[1] + added, *bare[2:].astype(int)]
+    table(path, "target,actual,run,direction", *rows)
+
+
 @pytest.mark.parametrize(
     ("added", "verdict"), [(1.0, "right"), (-1.0, "sign"), (0.0, "")]
 )
@@ -553,29 +580,11 @@ def test_new_table_over_an_active_old_one_is_judged_by_what_it_takes_off(
     tmp_path: Path, added: float, verdict: str
 ) -> None:
     # Nothing was switched between the measurements: what is left tells how much more is added.
-    (tmp_path / "old").mkdir()
-    whole = old_list(tmp_path / "old")
-    kept = [line for line in whole.splitlines(True) if b"crosscomp" not in line]
-    (tmp_path / "achskw1.lis").write_bytes(b"".join(kept))
-    laser(tmp_path / "laser.csv", None)
-    rows = np.genfromtxt(tmp_path / "laser.csv", delimiter=",", names=True)
-    target, way, run = rows["target"], rows["direction"].astype(int), rows["run"]
-    old = offsets(tmp_path, 1, A1=target, D=way)
-    actual = rows["actual"] + (added or 1.0) * old
-    table(
-        tmp_path / "laser.csv", "target,actual,run,direction", target, actual, run, way
-    )  # fmt: skip
-    job = screw_job(
-        tmp_path, axis='list = "achskw1.lis"', measurement='active = ["leadscrew"]'
-    )
-    run_job(job, tmp_path / "out")
+    job, bare, old = over_old(tmp_path, added or 1.0)
     after = after_job(tmp_path, added)
     if not added:  # the new list was never loaded
-        rng = np.random.default_rng(3)
-        again = actual + 1e-4 * rng.standard_normal(len(actual))
-        table(
-            tmp_path / "after.csv", "target,actual,run,direction", target, again, run, way
-        )  # fmt: skip
+        noise = 1e-4 * np.random.default_rng(3).standard_normal(len(old))
+        write_runs(tmp_path / "after.csv", bare, old + noise)
     assert fit(job, "--after", str(after)) == int(added <= 0)
     one = fitted(job)
     assert one["verdict"] == ("good" if added > 0 else "rejected")
@@ -583,6 +592,35 @@ def test_new_table_over_an_active_old_one_is_judged_by_what_it_takes_off(
         assert one["diagnosis"]["verdict"] == verdict
     else:
         assert one["diagnosis"]["sentence"].startswith("nothing has changed")
+
+
+@pytest.mark.parametrize(
+    ("new", "still", "verdict", "words"),
+    [
+        (0.0, 0.0, "wrong axis", "nothing is added"),
+        (2.0, 0.0, "twice", "added twice"),
+        (1.0, 1.0, "twice", "the list that acted before still acts beside it"),
+        (-1.0, 0.0, "sign", "added with opposite sign"),
+    ],
+)
+def test_new_table_over_an_active_old_one_is_told_apart_from_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str],
+    new: float, still: float, verdict: str, words: str,
+) -> None:  # fmt: skip
+    job, _, old = over_old(tmp_path, 1.0)
+    # Both lists are alike: to tell them apart takes less noise than else.
+    after = after_job(tmp_path, new, noise=1e-4)
+    again = runs_of(tmp_path / "after.csv")
+    write_runs(tmp_path / "after.csv", again, still * old)
+    assert fit(job, "--after", str(after)) == 1
+    diagnosis = fitted(job)["diagnosis"]
+    assert (diagnosis["verdict"], diagnosis["sentence"][: len(words)]) == (
+        verdict,
+        words,
+    )
+    assert "cannot be diagnosed" not in capsys.readouterr().out
+    # Of the first measurement the sign of the old one is known to be as assumed.
+    assert not (tmp_path / "out" / "conventions.toml").exists()
 
 
 def real_job(folder: Path, name: str, nodes: list[int], runs: range) -> Path:
