@@ -13,7 +13,7 @@ _THIRD = math.sqrt(20.0)
 """Third differences of white noise are that many times as large (1, 3, 3, 1)."""
 NORMAL = 1.4826
 """Standard deviation per median of the absolute value, of normal noise."""
-CLOSER, MANY = 0.2, 10
+CLOSER, MANY = 0.16, 10
 """Part of the scatter of readings of a machine below which others of it never scatter, and how many
 tell how they do."""
 
