@@ -19,6 +19,8 @@ from ._read import read_table
 from ._roles import ColumnSpec, find_role
 from ._table import Table
 
+_PAIRS = 5
+"""Targets with two readings that tell whether these are of one approach."""
 _ABSURD = 0.05
 """Growth of the error per position that no machine has."""
 
@@ -54,6 +56,8 @@ class Iso230Test:
         unit: Of the figures, ``mm`` or ``deg``.
         axis: Its name; empty where the file does not say.
         missing: Readings that the file announces and lacks.
+        twice: By how much in the unit the second reading of a target lies off the first, where
+            both count as one approach and do not look like one; else 0.
     """
 
     path: Path
@@ -61,6 +65,7 @@ class Iso230Test:
     unit: str
     axis: str
     missing: int
+    twice: float = 0.0
 
     def verdict(self, tolerance: float) -> Iso230Verdict:
         """Return the verdict: A against the tolerance, the figure named.
@@ -77,7 +82,7 @@ class Iso230Test:
             raise MeasurementError(str(self.path), reason)
         within, single = value <= tolerance, self.figures.single_targets()
         fewer = self.figures.incomplete_targets()
-        passed = within and not (self.missing or single or fewer)
+        passed = within and not (self.missing or single or fewer or self.twice)
         sentence = (
             f"{'PASS' if passed else 'NOT JUDGED' if within else 'FAIL'}:"
             f" {with_arrows(name)} = {amount(value, self.unit)} {'≤' if within else '>'}"
@@ -90,6 +95,11 @@ class Iso230Test:
         elif within and single:
             places = ", ".join(f"{target:g}" for target in single[:8])
             sentence += f", but it leaves out targets with a single approach: {places}"
+        elif within and self.twice:
+            sentence += (
+                f", but the second reading of a target lies {amount(self.twice, self.unit)}"
+                " off the first: if they were approached from both sides, state the direction"
+            )
         elif within and fewer:
             places = ", ".join(f"{target:g}" for target in fewer[:8])
             sentence += (
@@ -136,7 +146,10 @@ def read_iso230(
     remarks = (*data.remarks, *direction.remarks, *skipped, *result.remarks)
     figures = dataclasses.replace(result, remarks=remarks)
     unit = data.units[f"{name}.position"]
-    return Iso230Test(path, figures, unit, axis or "", table.missing)
+    twice = 0.0
+    if direction.source != "column":
+        twice = _twice(position, error, data.get("run"), direction.values)
+    return Iso230Test(path, figures, unit, axis or "", table.missing, twice)
 
 
 def _refuse_absurd(
@@ -162,6 +175,28 @@ def _refuse_absurd(
             f" none: {remedy}"
         )
         raise MeasurementError(str(path), reason)
+
+
+def _twice(
+    position: Float[np.ndarray, " t"],
+    error: Float[np.ndarray, " t"],
+    run: np.ndarray | None,
+    direction: np.ndarray,
+) -> float:
+    """Return by how much second readings of a target lie off the first in a run.
+
+    0: no more than they scatter, or there are few.
+    """
+    runs = np.zeros(position.size) if run is None else run
+    place = np.column_stack([position.round(6), runs, direction])
+    _, at, count = np.unique(place, axis=0, return_inverse=True, return_counts=True)
+    at = at.reshape(-1)
+    order = np.argsort(at, kind="stable")
+    order = order[(count == 2)[at[order]]]
+    apart = error[order][1::2] - error[order][::2]
+    if apart.size < _PAIRS or abs(apart.mean()) < 2.0 * apart.std():
+        return 0.0
+    return float(abs(apart.mean()))
 
 
 def _only_axis(table: Table) -> str | None:

@@ -391,3 +391,24 @@ def test_a_table_with_a_column_per_run_is_evaluated_as_it_is(
     # Backward lies 4 µm above forward everywhere: to the bit of a µm in mm.
     assert found["B"] == pytest.approx(0.004, abs=1e-12)
     assert found["E"] == pytest.approx(0.005, abs=1e-12)
+
+
+@pytest.mark.parametrize(("apart", "judged"), [(0.006, False), (0.0, True)])
+def test_iso230_passes_no_targets_that_were_read_twice_and_apart(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], apart: float, judged: bool
+) -> None:
+    rng = np.random.default_rng(5)
+    rows = [
+        f"{run},{target},{0.001 * rng.normal() - apart * second:.5f}"
+        for run in range(1, 6)
+        for target in range(0, 201, 25)
+        for second in (0, 1)
+    ]
+    path = tmp_path / "dial.csv"
+    path.write_text("\n".join(["run,target [mm],error [mm]", *rows]) + "\n")
+    assert main(["iso230", str(path), "--tolerance", "50um"]) == (not judged)
+    said = capsys.readouterr().out
+    assert ("PASS" in said) == judged
+    assert ("if they were approached from both sides, state the direction" in said) == (
+        not judged
+    )
