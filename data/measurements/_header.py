@@ -288,13 +288,13 @@ def heading(text: str) -> Heading | None:
         elif re.fullmatch("[xyzabcuvw]", token):
             axis, linear = token.upper(), token in "xyz"
         elif said is None and len(token) == 1 and token.isalpha():
-            letter = True  # of a run, beside its number and a sign: "R1 +"
+            letter = True  # of a run, beside its number and a direction: "R1 +"
         elif said != "direction" and not says_nothing([token]):
             return None
     directions = words or signs  # "Lauf 1 - hin" holds a dash and no sign
     if len(directions) > 1 or (run is None and not directions):
         return None
-    run_of_letter = not linear and run is not None and signs  # "V1+"
+    run_of_letter = not linear and run is not None and directions  # "V1+"
     if letter and not run_of_letter:
         return None
     if axis and not (named or words or run_of_letter):

@@ -4,6 +4,7 @@ One column or one row per run, the trims of LinuxCNC, four bare columns of a las
 """
 
 import dataclasses
+import re
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
@@ -32,6 +33,7 @@ _TELLING = 1000
 """Rows that tell whether numbers count the rows."""
 _FEWEST = 3
 """Targets of a table with one row per run."""
+_LETTER = re.compile(r"(?P<letter>[fbrFBR])\s?(?P<run>\d+)")
 _DOWNWARDS = (
     "the targets are listed downwards, and the way there goes as they are listed."
 )
@@ -131,6 +133,7 @@ def triplets(table: Table, names: Sequence[Name]) -> Table | None:
 
 def one_column_per_run(table: Table, names: Sequence[Name]) -> Table | None:
     """Return a table of one column per run and direction with its meaning, or None."""
+    names = _spelled(names)
     headings = [heading(name.header) for name in names]
     kinds = [bare_role(name) for name in names]
     headings = _with_first(headings, kinds)
@@ -214,6 +217,29 @@ def one_column_per_run(table: Table, names: Sequence[Name]) -> Table | None:
         return straightness(result, axis, along, "names")
     remark = f"The names of the runs say that the axis is {axis}."
     return dataclasses.replace(result, axis=axis, remarks=(*result.remarks, remark))
+
+
+def _spelled(names: Sequence[Name]) -> Sequence[Name]:
+    """Return names that say forward and back where ``F1``, ``B1``, ``F2``, ``B2`` mean that."""
+    matches = {
+        at: _LETTER.fullmatch(name.header.strip()) for at, name in enumerate(names)
+    }
+    letters = {at: match for at, match in matches.items() if match is not None}
+    runs: dict[str, set[str]] = {}
+    for match in letters.values():
+        runs.setdefault(match["letter"].casefold(), set()).add(match["run"])
+    if (
+        set(runs) not in ({"f", "b"}, {"f", "r"})
+        or len({*map(frozenset, runs.values())}) > 1
+    ):
+        return names
+    words = {at: "fwd" if m["letter"] in "fF" else "back" for at, m in letters.items()}
+    return [
+        dataclasses.replace(name, header=f"{name.header} {words[at]}")
+        if at in words
+        else name
+        for at, name in enumerate(names)
+    ]
 
 
 def _with_first(

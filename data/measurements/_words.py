@@ -17,7 +17,9 @@ WORDS: dict[str, frozenset[str]] = {
         "error": "error err deviation dev fehler abweichung abw messabweichung"
         " erreur écart ecart errore scostamento deviazione desviación desviacion"
         " positionsabweichung positionierabweichung positionsfehler straightness geradheit"
-        " geradheitsabweichung displacement verlagerung",
+        " geradheitsabweichung displacement verlagerung errors deviations abweichungen"
+        " messabweichungen positionsabweichungen erreurs écarts ecarts errori scostamenti"
+        " deviazioni errores desviaciones",
         "current": "current strom iq torque moment drehmoment",
         "velocity": "velocity velo vel speed geschwindigkeit",
         "acceleration": "acceleration accel acc beschleunigung",

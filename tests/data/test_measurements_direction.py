@@ -368,3 +368,17 @@ def test_a_letter_before_the_number_of_a_run_beside_a_sign_is_one_of_runs(
     data = measurement(read_table(path), axis="X")
     error, side = data.require("X.error"), data.require("X.direction")
     assert {*error[side > 0].round(6)} == {0.002, 0.004}
+
+
+@pytest.mark.parametrize("letters", ["FB", "FR"])
+def test_letters_of_forward_and_back_are_directions_of_runs(
+    tmp_path: Path, letters: str
+) -> None:
+    path = tmp_path / "runs.csv"
+    rows = [f"{x},1,2,3,4" for x in (0, 50, 100, 150)]
+    there, back = letters
+    head = f"target,{there}1,{back}1,{there}2,{back}2"
+    path.write_text("\n".join(["X axis, deviations in um", head, *rows]) + "\n")
+    data = measurement(read_table(path), axis="X")
+    error, side = data.require("X.error"), data.require("X.direction")
+    assert {*error[side > 0].round(6)} == {0.001, 0.003}
