@@ -1,9 +1,11 @@
 """Verify settles the conventions that a log can tell: axes that lag behind commands."""
 
+import itertools
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from axcomp.data.lists import ListFile
 from axcomp.data.measurements import read_log
@@ -118,3 +120,44 @@ def test_without_actual_positions_a_convention_that_takes_them_is_refused() -> N
     motion = Motion(COMMAND, {}, TIME)
     with pytest.raises(ExchangeError, match="as the convention crosstalk_input takes"):
         simulate((SHAKE,), motion, Reading(Conventions(crosstalk_input="actual")))
+
+
+def plateau(step: float) -> ListFile:
+    """Return 10 µm at node 4 of 7 along A1, 50 mm apart, and 2 of 7 along A2."""
+    values = [f"[{j}][{i}].correction {100 * (i == 4) * (j == 2)}"
+              for j in range(7) for i in range(7)]  # fmt: skip
+    return listing(
+        "achskw3.lis", "kopf.achs_nr 3", "kw.crosscomp2.unit 1",
+        "kw.crosscomp2.grid RECTANGULAR", "kw.crosscomp2.interval1 500000",
+        f"kw.crosscomp2.interval2 {round(1e4 * step)}",
+        "kw.crosscomp2.last_index_master1 6", "kw.crosscomp2.last_index_master2 6",
+        "kw.crosscomp2.start_position_master1 0",
+        "kw.crosscomp2.start_position_master2 0", "kw.crosscomp2.master1_ax_nr 1",
+        "kw.crosscomp2.master2_ax_nr 2",
+        *(f"kw.crosscomp2.table{value}" for value in values),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("step", [40.0, 50.0])
+def test_a_plateau_is_not_taken_for_one_elsewhere_where_the_indices_are_exchanged(
+    tmp_path: Path, step: float
+) -> None:
+    goals = [(0, 0), (300, 0), (300, 300), (0, 300), (0, 0), (300, 300), (0, 80), (300, 80),
+             (0, 180), (300, 180), (0, 0)]  # fmt: skip
+    place = np.concatenate(
+        [np.linspace(a, b, 401)[1:] for a, b in itertools.pairwise(goals)]
+    )
+    # It is at node 2 along A1 and 4 along A2, behind a filter of the drive.
+    distance = np.abs(place / [50.0, step] - [2.0, 4.0])
+    added = 0.01 * np.prod(np.clip(1.0 - distance, 0.0, 1.0), axis=1)
+    share = 1.0 - np.exp(-1.0 / 4.0)
+    filtered = lfilter([share], [1.0, share - 1.0], added)
+    noise = 5e-5 * np.random.default_rng(2).normal(size=len(added))
+    rows = np.column_stack([1e-3 * np.arange(len(added)), place, filtered + noise])
+    file, head = tmp_path / "log.csv", "time,A1.position,A2.position,A3.plane"
+    np.savetxt(file, rows, fmt="%.9f", delimiter=",", header=head, comments="")
+    found = verify_log((plateau(step),), read_log(file), Reading(Conventions()))
+    assert "swapped" in found.verdicts[0].verdict
+    # Where both intervals are the same it may as well be the masters that are exchanged.
+    assert ("plane_index" in found.settled) == (step == 40.0)
+    assert step == 50.0 or found.conventions.plane_index == "ij"

@@ -213,8 +213,13 @@ def _unseen(channel: AbstractChannel, result: Found) -> list[str]:
 def settled(
     channel: AbstractChannel, result: Found
 ) -> tuple[dict[str, int | str], frozenset[str]]:
-    """Return the conventions that fit, and which of them nothing settles."""
+    """Return the conventions that fit, and which of them nothing settles.
+
+    A table that lies elsewhere settles its sign alone, since not every rule is tried there; one
+    with any other factor settles nothing.
+    """
     best = result.rivals[0]
+    elsewhere, any_factor = best.hypothesis.change.is_shifted, best.hypothesis.is_free
     reads: dict[str, Callable[[Hypothesis], int | str]] = {
         name: operator.attrgetter(f"change.conventions.{name}")
         for name in channel.relevant
@@ -240,7 +245,8 @@ def settled(
         if chosen == "line" or not opposed:
             continue
         values[name] = chosen
-        if min(opposed) - best.criterion < SETTLED:
+        unsure = any_factor or (elsewhere and name != sign)
+        if unsure or min(opposed) - best.criterion < SETTLED:
             doubtful.add(name)
     return values, frozenset(doubtful)
 

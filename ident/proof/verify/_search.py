@@ -19,7 +19,7 @@ from ._scan import few_of, otherwise, place, scaled, structures, timed
 _MOST_PLACES = 30
 """Places per master at which a table that lies elsewhere is tried on all rows."""
 _KEPT = 3
-"""Structures that are looked at closely, beside the plain one."""
+"""Structures that are looked at closely, wherever and in their place, beside the plain one."""
 
 EQUAL = 6.0
 """Difference of criteria below which two explain a log equally well: odds of 20 to 1."""
@@ -182,8 +182,10 @@ class _Rows:
         }
         few = _Rows(self.channel, self.whole, sample)
         ranking = few.ranked(squares_of, float(len(sample)))
-        promising = [rival.hypothesis.change for rival in ranking[:_KEPT]]
-        return promising if plain in promising else [*promising, plain]
+        changes = [rival.hypothesis.change for rival in ranking]
+        # Another place imitates another rule: the best in their place have a say as well.
+        in_place = [change for change in changes if not change.is_shifted]
+        return list(dict.fromkeys([*changes[:_KEPT], *in_place[:_KEPT], plain]))
 
     def _refined(self, change: Change) -> dict[Hypothesis, float]:
         """Return a structure with and without a lag, with and without another filter."""
