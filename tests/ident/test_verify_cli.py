@@ -23,13 +23,18 @@ CROSS = (
 )
 
 
-def write_log(file: Path, values: np.ndarray, name: str = "A3.cross") -> None:
+def write_log(
+    file: Path,
+    values: np.ndarray,
+    name: str = "A3.cross",
+    place: float | np.ndarray = 50.0,
+    way: int = 1,
+) -> None:
     noise = 1e-3 * np.random.default_rng(1).normal(size=X.size)
     drive = name.endswith("drive_position")
-    place = np.full(X.size, 50.0)
-    rows = np.stack(
-        [np.arange(X.size) * 1e-3, X, place, values + noise + place * drive], axis=1
-    )
+    place = np.full(X.size, place)
+    shown = way * (values + noise + place * drive)
+    rows = np.stack([np.arange(X.size) * 1e-3, X, place, shown], axis=1)
     head = f"time,A1.position,A3.position,{name}"
     np.savetxt(file, rows, fmt="%.9f", delimiter=",", header=head, comments="")
 
@@ -84,6 +89,66 @@ def test_what_a_drive_log_settles_is_stored_and_then_assumed(folder: Path) -> No
     assert stored["verified"] == {"cross_sign": -1, "cross_edge": "zero"}
     # With these rules assumed, the same log agrees.
     assert main(save) == 0
+
+
+@pytest.mark.parametrize("way", [1, -1])
+@pytest.mark.parametrize(
+    ("place", "shows"),
+    [(0.0, False), (50.0, True), (np.clip(0.01 * (X - 150.0), 0.0, 5.0), False),
+     (np.clip(0.1 * (X - 150.0), 0.0, 5.0), True)],
+)  # fmt: skip
+def test_a_drive_settles_a_sign_only_where_it_shows_which_way_it_counts(
+    folder: Path,
+    capsys: pytest.CaptureFixture[str],
+    place: float | np.ndarray,
+    shows: bool,
+    way: int,
+) -> None:
+    write_log(folder / "log.csv", offset(), "A3.drive_position", place, way)
+    status = main([*COMMAND, "--save", "machine.toml"])
+    printed = capsys.readouterr()
+    stored = tomllib.loads((folder / "machine.toml").read_text())
+    assert stored.get("verified", {}).get("cross_sign") == (1 if shows else None)
+    assert ("settled: move A3 by a few mm" in printed.err) != shows
+    assert ("counts the other way round" in printed.err) == (shows and way < 0)
+    assert ("or the drive counts the other way" in printed.out) == (status == 1)
+    assert status == (not shows and way < 0)
+
+
+def two_columns(folder: Path, logged: np.ndarray, drive: np.ndarray) -> None:
+    """Write a log of what is added beside a position on the drive bus."""
+    write_log(folder / "log.csv", drive, "A3.drive_position")
+    rows = np.loadtxt(folder / "log.csv", delimiter=",", skiprows=1)
+    head = "time,A1.position,A3.position,A3.drive_position,A3.cross"
+    whole = np.column_stack([rows, logged])
+    np.savetxt(folder / "log.csv", whole, "%.9f", ",", header=head, comments="")
+
+
+def test_a_displayed_position_beside_the_offsets_settles_no_sign(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    two_columns(folder, offset(), 0.0 * X)
+    assert main([*COMMAND, "--save", "machine.toml"]) == 1
+    assert "the drive_position shows nothing of it" in capsys.readouterr().out
+    stored = tomllib.loads((folder / "machine.toml").read_text())
+    assert "cross_sign" not in stored["verified"]
+
+
+def test_the_sign_at_the_drive_counts_where_that_of_the_offsets_differs(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    two_columns(folder, -offset(), offset())
+    assert main([*COMMAND, "--save", "machine.toml"]) == 0
+    assert "but at the drive agrees" in capsys.readouterr().out
+    stored = tomllib.loads((folder / "machine.toml").read_text())
+    assert stored["verified"]["cross_sign"] == 1
+
+
+def test_a_factor_that_no_rule_explains_settles_nothing(folder: Path) -> None:
+    write_log(folder / "log.csv", -3.3 * offset(), "A3.drive_position")
+    assert main([*COMMAND, "--save", "machine.toml"]) == 1
+    stored = tomllib.loads((folder / "machine.toml").read_text())
+    assert not stored.get("verified")
 
 
 def test_a_sign_that_only_offsets_show_is_not_stored(folder: Path) -> None:

@@ -149,6 +149,8 @@ def probe_text(probe: Probe) -> str:
     lines += [
         "With a log of all positions and these values: axcomp verify LISTS --log LOG.csv"
         " --save MACHINE.conventions.toml",
+        "A drive may count the other way round: where the log has drive_position, move each"
+        " compensated axis once by a few mm while it runs, the gauge away.",
         "Afterwards load the lists that you kept.",
         "",
     ]

@@ -46,6 +46,7 @@ class Verdict:
         sentence: For the person at the machine.
         settled: Values of the conventions that fit.
         doubtful: Of these, the ones that the log does not settle.
+        absent: Nothing is added.
     """
 
     axis: int
@@ -55,6 +56,7 @@ class Verdict:
     sentence: str
     settled: Mapping[str, int | str]
     doubtful: frozenset[str] = frozenset()
+    absent: bool = False
 
     @property
     def agrees(self) -> bool:
@@ -62,8 +64,11 @@ class Verdict:
         return self.verdict == ("agrees",)
 
 
-def judge_channel(channel: AbstractChannel, result: Found) -> Verdict:
-    """Return the verdict on one compensation."""
+def judge_channel(channel: AbstractChannel, result: Found, turned: str = "") -> Verdict:
+    """Return the verdict on one compensation.
+
+    `turned` says what may as well be the reason of an opposite sign; empty: nothing.
+    """
     axis, name = channel.axis, channel.compensation
     best = result.rivals[0]
 
@@ -85,7 +90,8 @@ def judge_channel(channel: AbstractChannel, result: Found) -> Verdict:
     idle = best.hypothesis.is_free and abs(best.hypothesis.scale) <= _NOTHING
     if idle or added <= RESOLUTION or result.nothing < best.criterion - EQUAL:
         # Digits of a drive's position follow any table a little, turned and shifted.
-        return silent("nothing is added: not active, or not logged")
+        text = "nothing is added: not active, or not logged"
+        return dataclasses.replace(silent(text), absent=True)
     unexplained = systematic(result.residual)
     if channel.motion.time is None:
         # Rows stand in any order: neighbours say nothing of noise.
@@ -140,7 +146,7 @@ def judge_channel(channel: AbstractChannel, result: Found) -> Verdict:
         for hypothesis in equals:
             agreed |= dict.fromkeys(hypothesis.faults(channel))
         return verdict(agreed, text if equals else text + tail)
-    text = whole_text + rules
+    text = whole_text + rules + (turned if "sign" in faults else "")
     for hypothesis in equals:
         text += f", or as well {fault_words(hypothesis, channel)}"
         faults |= hypothesis.faults(channel) | faults

@@ -48,6 +48,11 @@ _ENDS = 60
 _FEWEST = 3 * _ENDS
 """Rows from which on a log tells the delay."""
 
+_COUNTED = 1.0
+"""mm or ° of motion, or off zero, from which on a drive shows which way it counts."""
+_ADDED = 0.1
+"""mm or ° by which it may then differ from the command at standstill."""
+
 Explained = dict[tuple[int, str], tuple[AbstractChannel, Found]]
 """What explains each reported compensation, by axis and name."""
 
@@ -132,7 +137,8 @@ def verify_log(
                 f" {1e3 * abs(clock) * motion.cycle:.1f} ms {direction} than its positions;"
                 " that is allowed for."
             )
-    verdicts = [judge_channel(*fitted) for fitted in searches.values()]
+    # Only the drive tells with which sign.
+    verdicts = [_unsigned(judge_channel(*fitted)) for fitted in searches.values()]
     for axis, parts in channels.items():
         summed = _sums(axis, parts, log, number, motion, set(searches), remarks)
         verdicts = _merged(verdicts, summed)
@@ -215,8 +221,23 @@ def _sums(
             return []
         total = Target.of(sums[0].values, step=sums[0].step)
         fitted_parts = search_total(parts, total)
-        return [judge_channel(parts[name], fitted_parts[name]) for name in unknown]
+        judged = (judge_channel(parts[name], fitted_parts[name]) for name in unknown)
+        return [_unsigned(verdict) for verdict in judged]
     place = motion.position(axis, "beside its drive_position")
+    way, turned = way_of_counting(place, drive), ""
+    if way < 0:
+        drive = -drive
+        remarks.append(
+            f"A{axis}.drive_position counts the other way round than A{axis}.position; that"
+            " is allowed for."
+        )
+    elif not way:
+        move = f"move A{axis} by a few mm or ° in the log"
+        turned = f", or the drive counts the other way: {move}"
+        remarks.append(
+            f"A{axis}.drive_position does not show which way the drive counts, and so no"
+            f" sign is settled: {move}."
+        )
     listed = [channel.column(channel.plain) for channel in parts.values()]
     target, lag, part = drive_target(place, drive, listed, motion.cycle is not None)
     delay = round(1e3 * (lag + part) * (motion.cycle or 0.0), 1)
@@ -228,20 +249,68 @@ def _sums(
     late_by = dataclasses.replace(motion, clock=part)
     parts = {name: changed(channel, motion=late_by) for name, channel in parts.items()}
     fitted_parts = search_total(parts, target)
-    return [judge_channel(parts[name], fitted) for name, fitted in fitted_parts.items()]
+    verdicts = [
+        judge_channel(parts[name], fitted_parts[name], turned) for name in parts
+    ]
+    return verdicts if way else [_unsigned(verdict) for verdict in verdicts]
+
+
+def way_of_counting(position: Column, drive: Column) -> int:
+    """Return 1 where a drive counts as its axis does, −1 where the other way, 0 if not shown.
+
+    Shown by a motion of the axis, or where it stands, by the value itself.
+    """
+    if np.ptp(position) >= _COUNTED:
+        slope = float(np.polyfit(position, drive, 1)[0])
+        return int(np.sign(slope)) if 0.5 < abs(slope) < 2.0 else 0
+    if np.min(np.abs(position)) >= _COUNTED:
+        for way in (1, -1):
+            if np.max(np.abs(way * drive - position)) < _ADDED:
+                return way
+    return 0
+
+
+def _unsigned(verdict: Verdict) -> Verdict:
+    """Return a verdict that settles no sign."""
+    rules = {k: v for k, v in verdict.settled.items() if not k.endswith("_sign")}
+    return dataclasses.replace(verdict, settled=rules)
+
+
+def _signed(single: Verdict, summed: Verdict) -> Verdict:
+    """Return the verdict on a single value with the sign that the sum settles."""
+    signs = summed.settled.keys() - _unsigned(summed).settled.keys()
+    rules = {**single.settled, **{name: summed.settled[name] for name in signs}}
+    doubtful = single.doubtful | (summed.doubtful & signs)
+    return dataclasses.replace(single, settled=rules, doubtful=doubtful)
 
 
 def _merged(logged: Sequence[Verdict], summed: Sequence[Verdict]) -> list[Verdict]:
-    """Return verdicts of single values, and of sums where they tell more."""
+    """Return verdicts of single values with the sign of sums, and of sums where they differ."""
     merged = {(verdict.axis, verdict.compensation): verdict for verdict in logged}
+    hidden = not any(verdict.verdict for verdict in summed)
     for verdict in summed:
-        single = merged.get((verdict.axis, verdict.compensation))
+        key = verdict.axis, verdict.compensation
+        single = merged.get(key)
         if single is None:
-            merged[verdict.axis, verdict.compensation] = verdict
-        elif single.agrees and verdict.verdict and not verdict.agrees:
-            text = f"logged as the list says, but at the drive {verdict.sentence}"
-            changed_verdict = dataclasses.replace(verdict, sentence=text)
-            merged[verdict.axis, verdict.compensation] = changed_verdict
+            merged[key] = verdict
+        elif single.agrees and hidden and verdict.absent:
+            text = (
+                "logged as the list says, but the drive_position shows nothing of it: not"
+                " active, or a displayed position, which has it removed"
+            )
+            merged[key] = dataclasses.replace(
+                single, verdict=(), value=(), sentence=text
+            )
+        elif (
+            (single.verdict and verdict.verdict)
+            and verdict.verdict != single.verdict
+            and (single.agrees or "sign" in {*single.verdict} ^ {*verdict.verdict})
+        ):
+            how = "as the list says" if single.agrees else "with the other sign"
+            text = f"logged {how}, but at the drive {verdict.sentence}"
+            merged[key] = dataclasses.replace(verdict, sentence=text)
+        else:
+            merged[key] = _signed(single, verdict)
     return list(merged.values())
 
 
@@ -258,7 +327,7 @@ def _summary(
         for name, value in verdict.settled.items():
             sure = name not in verdict.doubtful
             # A job must not run on a sign that this log cannot tell.
-            if name.endswith("_sign") and not (sure and verdict.axis in driven):
+            if name.endswith("_sign") and not sure:
                 continue
             if sure or name not in sure_of:
                 values[name] = value
