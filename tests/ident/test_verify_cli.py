@@ -115,9 +115,11 @@ def test_a_drive_settles_a_sign_only_where_it_shows_which_way_it_counts(
     assert status == (not shows and way < 0)
 
 
-def two_columns(folder: Path, logged: np.ndarray, drive: np.ndarray) -> None:
+def two_columns(
+    folder: Path, logged: np.ndarray, drive: np.ndarray, place: float = 50.0
+) -> None:
     """Write a log of what is added beside a position on the drive bus."""
-    write_log(folder / "log.csv", drive, "A3.drive_position")
+    write_log(folder / "log.csv", drive, "A3.drive_position", place)
     rows = np.loadtxt(folder / "log.csv", delimiter=",", skiprows=1)
     head = "time,A1.position,A3.position,A3.drive_position,A3.cross"
     whole = np.column_stack([rows, logged])
@@ -134,14 +136,15 @@ def test_a_displayed_position_beside_the_offsets_settles_no_sign(
     assert "cross_sign" not in stored["verified"]
 
 
+@pytest.mark.parametrize(("place", "shows"), [(50.0, True), (0.0, False)])
 def test_the_sign_at_the_drive_counts_where_that_of_the_offsets_differs(
-    folder: Path, capsys: pytest.CaptureFixture[str]
+    folder: Path, capsys: pytest.CaptureFixture[str], place: float, shows: bool
 ) -> None:
-    two_columns(folder, -offset(), offset())
-    assert main([*COMMAND, "--save", "machine.toml"]) == 0
-    assert "but at the drive agrees" in capsys.readouterr().out
+    two_columns(folder, -offset(), offset(), place)
+    assert main([*COMMAND, "--save", "machine.toml"]) == (not shows)
+    assert ("but at the drive agrees" in capsys.readouterr().out) == shows
     stored = tomllib.loads((folder / "machine.toml").read_text())
-    assert stored["verified"]["cross_sign"] == 1
+    assert stored["verified"].get("cross_sign") == (1 if shows else None)
 
 
 def test_a_factor_that_no_rule_explains_settles_nothing(folder: Path) -> None:

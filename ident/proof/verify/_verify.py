@@ -270,18 +270,34 @@ def way_of_counting(position: Column, drive: Column) -> int:
     return 0
 
 
+def _signs(verdict: Verdict) -> set[str]:
+    """Return the names of the signs that a verdict tells."""
+    return {name for name in verdict.settled if name.endswith("_sign")}
+
+
 def _unsigned(verdict: Verdict) -> Verdict:
     """Return a verdict that settles no sign."""
-    rules = {k: v for k, v in verdict.settled.items() if not k.endswith("_sign")}
+    names = verdict.settled.keys() - _signs(verdict)
+    rules = {name: verdict.settled[name] for name in names}
     return dataclasses.replace(verdict, settled=rules)
 
 
 def _signed(single: Verdict, summed: Verdict) -> Verdict:
     """Return the verdict on a single value with the sign that the sum settles."""
-    signs = summed.settled.keys() - _unsigned(summed).settled.keys()
+    signs = _signs(summed)
     rules = {**single.settled, **{name: summed.settled[name] for name in signs}}
     doubtful = single.doubtful | (summed.doubtful & signs)
     return dataclasses.replace(single, settled=rules, doubtful=doubtful)
+
+
+def _contradicts(single: Verdict, summed: Verdict) -> bool:
+    """Return whether a sum is not as listed, where its part is, or has another sign."""
+    if not single.verdict:
+        return False
+    if single.agrees:
+        return bool(summed.verdict) and not summed.agrees
+    logged, driven = ("sign" in verdict.verdict for verdict in (single, summed))
+    return bool(_signs(summed)) and logged != driven
 
 
 def _merged(logged: Sequence[Verdict], summed: Sequence[Verdict]) -> list[Verdict]:
@@ -301,11 +317,7 @@ def _merged(logged: Sequence[Verdict], summed: Sequence[Verdict]) -> list[Verdic
             merged[key] = dataclasses.replace(
                 single, verdict=(), value=(), sentence=text
             )
-        elif (
-            (single.verdict and verdict.verdict)
-            and verdict.verdict != single.verdict
-            and (single.agrees or "sign" in {*single.verdict} ^ {*verdict.verdict})
-        ):
+        elif _contradicts(single, verdict):
             how = "as the list says" if single.agrees else "with the other sign"
             text = f"logged {how}, but at the drive {verdict.sentence}"
             merged[key] = dataclasses.replace(verdict, sentence=text)
