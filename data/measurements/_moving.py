@@ -89,7 +89,7 @@ def without_motion(measurement: Measurement, axes: Sequence[str]) -> Measurement
     late_errors = {
         axis: found
         for axis in stated
-        if is_log(measurement, axis) and (found := _late_error(measurement, axis))
+        if (found := _late_error(measurement.with_gaps(), axis))
     }
     if not moving and not late_errors:
         return measurement
@@ -237,8 +237,10 @@ def _error_of(
 def _late_error(measurement: Measurement, axis: str) -> _Found | None:
     """Return the error of a column without the delay of its instrument, where one shows."""
     place, time = _place(measurement, axis), measurement.get("time")
-    error = measurement.with_gaps().get(f"{axis}.error")
-    if place is None or time is None or error is None or np.any(np.diff(time) <= 0):
+    error = measurement.get(f"{axis}.error")
+    if place is None or time is None or error is None or not is_log(measurement, axis):
+        return None
+    if not np.all(np.diff(time) > 0) or not np.isfinite(place).all():
         return None
     reference = place + np.asarray(error, dtype=float)
     try:
