@@ -24,6 +24,8 @@ _EMPTY = re.compile("")
 _AXES = "XYZ"
 _LOOK = 60
 """Lines that tell whether a text is a surface."""
+_TITLES = 20
+"""Lines above a surface at most."""
 _LARGER = 5.0
 """Ratio of places to what was measured there from which on both are told apart."""
 _FEWEST = 3
@@ -43,16 +45,13 @@ def _unnamed_corner(head: str) -> str | None:
     is 0, these also are of another size than all other numbers, and where it is a word, they do
     not count runs: it may be a plain table.
     """
-    lines = head.split("\n")
-    mark = next((sign for sign in ";\t," if sign in head), None)
-    while mark and lines and lines[0].count(mark) < _FEWEST:
-        lines = lines[1:]  # titles
-    top, _, below = "\n".join(lines).partition("\n")
-    if not top.strip():
+    mark = next((sign for sign in ";\t," if sign in head), "")
+    lines = head.split("\n", _TITLES + _LOOK)[: _TITLES + _LOOK]
+    wide = (n for n, line in enumerate(lines[:_TITLES]) if line.count(mark) >= _FEWEST)
+    if not mark or (first := next(wide, None)) is None:
         return None
-    rows = [
-        line.split(mark) for line in (top, *below.split("\n")[:_LOOK]) if line.strip()
-    ]
+    top, *below = lines[first:]
+    rows = [line.split(mark) for line in (top, *below[:_LOOK]) if line.strip()]
     corner, *heads = (_plain_number(cell) for cell in rows[0])
     along = [value for value in heads if value is not None]
     if not len(heads) == len(along) >= _FEWEST or along != sorted(set(along)):
