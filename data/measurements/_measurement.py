@@ -171,6 +171,7 @@ def measurement(
     increments: Mapping[str, float] | None = None,
     rotary: Sequence[str] | None = None,
     turns: Mapping[str, float] | None = None,
+    ends: Mapping[str, tuple[float, float]] | None = None,
     name: str | None = None,
 ) -> Measurement:
     """Give columns a meaning and convert them to mm, °, s and °C.
@@ -187,7 +188,9 @@ def measurement(
         rotary: Axes whose positions are angles, all others being lengths. Left out:
             angles where any unit of the axis says so.
         turns: mm or ° of a turn, of axes that go round: what a display shows within one turn
-            goes on beyond it. Infinite of an axis that is known to have two ends.
+            goes on beyond it.
+        ends: First and last position of axes that have two ends: what stays within a turn of
+            them does not go round.
         name: Of the measurement; the file's name where left out.
 
     Raises:
@@ -319,6 +322,10 @@ def measurement(
     for text, values in good.items():
         own = text.partition(".")[0]
         if units[text] != "deg" or own in (turns or {}):
+            continue
+        low, high = (ends or {}).get(own, (-np.inf, np.inf))
+        inside = np.isnan(values) | ((values >= low) & (values <= high))
+        if high - low <= 360.0 and inside.all():
             continue
         if (seen := passed_end(values)) is not None:
             reason = (

@@ -85,12 +85,8 @@ def without_motion(measurement: Measurement, axes: Sequence[str]) -> Measurement
             from what it lags behind, or times do not ascend.
     """
     moving = [axis for axis in axes if _moves(measurement, axis)]
-    stated = [axis for axis in axes if f"{axis}.error" in measurement.values]
-    late_errors = {
-        axis: found
-        for axis in stated
-        if (found := _late_error(measurement.with_gaps(), axis))
-    }
+    gappy = measurement.with_gaps()
+    late_errors = {axis: found for axis in axes if (found := _late_error(gappy, axis))}
     if not moving and not late_errors:
         return measurement
     time = np.asarray(measurement.require("time"), dtype=float)
@@ -101,7 +97,7 @@ def without_motion(measurement: Measurement, axes: Sequence[str]) -> Measurement
             " log in the order of time"
         )
         raise MeasurementError(str(measurement.source), reason)
-    errors = {axis: _error_of(measurement.with_gaps(), axis, time) for axis in moving}
+    errors = {axis: _error_of(gappy, axis, time) for axis in moving}
     errors |= late_errors
     common = next((part.instants for part in errors.values() if part.clock), time)
     values = _at(measurement, time, common)

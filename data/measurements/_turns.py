@@ -24,12 +24,10 @@ def unwound(
 
     Args:
         columns: By role, in the order of the file.
-        turns: mm or ° of a turn, by axis; infinite: it has two ends.
+        turns: mm or ° of a turn, by axis.
     """
     found: dict[str, Float[np.ndarray, " t"]] = {}
     for axis, turn in turns.items():
-        if np.isinf(turn):
-            continue
         first = None
         for role in (f"{axis}.{kind}" for kind in _KINDS):
             if role not in columns:

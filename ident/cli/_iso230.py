@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from ._console import note, print_json, table_of, wide_console
-from ._options import AsJson, matched, refuse
+from ._options import RANGE, AsJson, ascending, matched, refuse
 
 if TYPE_CHECKING:
     from ...data.measurements import ColumnSpec, Iso230, Iso230Test
@@ -50,11 +50,10 @@ def iso230(
 
     columns, turn = _columns(column or (), axis), None
     if modulo is not None:
-        ends = r"(-?[0-9]+(?:\.[0-9]+)?):(-?[0-9]+(?:\.[0-9]+)?)"
-        low, high = matched("--modulo", modulo, ends, "such as 0:360").groups()
-        turn = float(high) - float(low)
-        if turn <= 0.0:
-            refuse("--modulo", repr(modulo), "ascending ends such as 0:360")
+        expected = "its range as in 0:360"
+        ends = matched("--modulo", modulo, RANGE, expected)
+        low, high = ascending(ends, "--modulo", expected)
+        turn = high - low
     limit, limit_unit = (None, None) if tolerance is None else _tolerance(tolerance)
     files = {"before": file, "after": after} if after else {"": file}
     outcomes = [

@@ -144,6 +144,11 @@ Plots = Annotated[
 ]
 
 
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+RANGE = rf"\s*(?P<low>{_NUMBER})\s*:\s*(?P<high>{_NUMBER})\s*"
+"""Two ends as in ``0:360``."""
+
+
 def read_lists(files: Sequence[Path]) -> "list[ListFile]":
     """Return the lists; one that a glob and a name both give is one list all the same."""
     from ...data.lists import ListFile
@@ -249,12 +254,22 @@ def axis_ranges(
     Raises:
         UsageError: If a text is something else.
     """
-    number = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
-    value = rf"\s*(?P<low>{number})\s*:\s*(?P<high>{number})\s*"
-    ranges = {}
-    for axis, match in by_axis(texts, option, value, expected).items():
-        low, high = float(match["low"]), float(match["high"])
-        if not (-limit <= low < high <= limit and math.isfinite(high - low)):
-            refuse(option, repr(match[0]), f"an axis and {expected}")
-        ranges[axis] = low, high
-    return ranges
+    matches = by_axis(texts, option, RANGE, expected).items()
+    words = f"an axis and {expected}"
+    return {
+        axis: ascending(match, option, words, limit=limit) for axis, match in matches
+    }
+
+
+def ascending(
+    match: "re.Match[str]", option: str, expected: str, *, limit: float = math.inf
+) -> tuple[float, float]:
+    """Return the two ends that `RANGE` has found.
+
+    Raises:
+        UsageError: If they do not ascend, or lie beyond a limit.
+    """
+    low, high = float(match["low"]), float(match["high"])
+    if not (-limit <= low < high <= limit and math.isfinite(high - low)):
+        refuse(option, repr(match[0]), expected)
+    return low, high

@@ -1,6 +1,5 @@
 """The files of a job's measurements, each read once, their columns in mm, °, s and °C."""
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
@@ -137,9 +136,12 @@ class Tables:
             },
             rotary=[key for key, spec in axes.items() if spec.kind != "linear"],
             turns={
-                key: math.inf if spec.turn is None else spec.turn
+                key: spec.turn for key, spec in axes.items() if spec.turn is not None
+            },
+            ends={
+                key: (spec.limits[0], spec.limits[1])
                 for key, spec in axes.items()
-                if spec.turn is not None or spec.limits is not None
+                if spec.limits is not None
             },
             name=name,
         )

@@ -44,15 +44,19 @@ def test_a_turning_axis_stays_in_its_range(tmp_path: Path, gaps: bool) -> None:
     assert rows.position("C").tolist() == [350.0, 10.0]
 
 
-@pytest.mark.parametrize("limits", ["", "limits = [0.0, 360.0]"])
+@pytest.mark.parametrize(
+    ("limits", "read"), [("", False), ("[0.0, 300.0]", False), ("[0.0, 360.0]", True)]
+)
 def test_rows_of_a_raster_are_no_turns_of_an_axis_with_two_ends(
-    tmp_path: Path, limits: str
+    tmp_path: Path, limits: str, read: bool
 ) -> None:
+    # A display that leaves the limits begins anew all the same.
     rows = "".join(f"{c},{x},0,20\n" for x in range(3) for c in range(0, 341, 20))
     job = job_of(tmp_path, rows)
-    text = job.path.read_text().replace("modulo = [0.0, 360.0]", limits)
+    stated = f"limits = {limits}" if limits else ""
+    text = job.path.read_text().replace("modulo = [0.0, 360.0]", stated)
     job.path.write_text(text)
-    if not limits:
+    if not read:
         with pytest.raises(MeasurementError, match="or limits, where it has two ends"):
             rows_of(load_job(job.path, fits=False), gaps=False)
         return

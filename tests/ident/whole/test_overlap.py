@@ -32,6 +32,13 @@ from .mill import (
 ON = "kopf.achs_nr 3\nlr_param.crosscomp 1\n"
 
 
+def with_lists(folder: Path, listing: str = "", machine: str = ON) -> str:
+    """Write the lists of Z, an old cross for want of another; returns the axes of a job."""
+    (folder / "z.lis").write_text(listing or cross_list())
+    (folder / "zm.lis").write_text(machine)
+    return AXES + 'list = "z.lis"\nmachine_data = "zm.lis"\n'
+
+
 def test_cross_and_plane_from_two_files_do_not_correct_twice(tmp_path: Path) -> None:
     edge(tmp_path)
     probe(tmp_path)
@@ -72,9 +79,7 @@ def test_plane_beside_a_cross_that_was_off_is_fitted_to_the_rest(
     tmp_path: Path,
 ) -> None:
     probe(tmp_path)
-    (tmp_path / "z.lis").write_text(cross_list())
-    (tmp_path / "zm.lis").write_text(ON)
-    axes = AXES + 'list = "z.lis"\nmachine_data = "zm.lis"\n'
+    axes = with_lists(tmp_path)
     assert fit(tmp_path, axes + measured("probe", "active = []") + PLANE) == 0
     left = left_over(ListFile.read(tmp_path / "out" / "achskw3.lis"))
     assert np.max(np.abs(left)) < 1e-3
@@ -85,11 +90,9 @@ def test_a_settled_sign_beside_an_unsettled_one_proves_nothing_where_that_was_of
     tmp_path: Path, acted: bool
 ) -> None:
     probe(tmp_path)
-    (tmp_path / "z.lis").write_text(cross_list())
-    (tmp_path / "zm.lis").write_text(ON)
     (tmp_path / "c.toml").write_text('[verified]\nplane_sign = 1\nplane_index = "ji"\n')
     machine = '[machine]\nconventions = "c.toml"\n'
-    axes = AXES + 'list = "z.lis"\nmachine_data = "zm.lis"\n'
+    axes = with_lists(tmp_path)
     active = f"active = {['cross'] if acted else []}"
     assert fit(tmp_path, machine + axes + measured("probe", active) + PLANE) == 0
     result = json.loads((tmp_path / "out" / "result.json").read_text())
@@ -105,9 +108,9 @@ def test_an_old_table_that_waits_for_a_command_beside_one_that_does_not_is_told(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     probe(tmp_path)
-    (tmp_path / "z.lis").write_text(cross_list() + "kw.crosscomp.manual_activation 1\n")
-    (tmp_path / "zm.lis").write_text(ON)
-    axes = AXES + 'list = "z.lis"\nmachine_data = "zm.lis"\n'
+    axes = with_lists(
+        tmp_path, listing=cross_list() + "kw.crosscomp.manual_activation 1\n"
+    )
     job = axes + measured("probe", "active = []") + PLANE
     told = (
         "waits for Z[COMP ON CROSS] (manual_activation 1), and what is written does not"
@@ -135,9 +138,7 @@ def test_an_axis_list_that_switches_nothing_on_is_one_all_the_same(
     tmp_path: Path, machine: str
 ) -> None:
     probe(tmp_path)
-    (tmp_path / "z.lis").write_text(cross_list())
-    (tmp_path / "zm.lis").write_text(machine)
-    axes = AXES + 'list = "z.lis"\nmachine_data = "zm.lis"\n'
+    axes = with_lists(tmp_path, machine=machine)
     assert fit(tmp_path, axes + measured("probe", "active = []") + PLANE) == 0
     listing = ListFile.read(tmp_path / "out" / "achskw3.lis")
     x, y = (
@@ -158,9 +159,7 @@ def test_constant_of_an_old_table_over_an_axis_that_stood_somewhere_is_asked_for
     # Measured where Y stood: the cross over Y was off, and adds there what nobody knows.
     place = np.arange(0.0, 401.0, 50.0)
     table(tmp_path / "line.csv", "x,dz", place, 0.02 * np.sin(place / 100.0) + 0.06)
-    (tmp_path / "z.lis").write_text(cross_list())
-    (tmp_path / "zm.lis").write_text(ON)
-    axes = AXES + 'list = "z.lis"\nmachine_data = "zm.lis"\n'
+    axes = with_lists(tmp_path)
     readings = (
         f'[measurements.line]\nfile = "line.csv"\nremove = "{remove}"\nactive = []\n'
         '[measurements.line.columns]\n"Z.position" = "x"\n"Z.error" = "dz"\n'
@@ -178,9 +177,7 @@ def test_plane_beside_a_cross_of_which_nothing_is_said_is_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     probe(tmp_path)
-    (tmp_path / "z.lis").write_text(cross_list())
-    (tmp_path / "zm.lis").write_text(ON)
-    axes = AXES + 'list = "z.lis"\nmachine_data = "zm.lis"\n'
+    axes = with_lists(tmp_path)
     assert fit(tmp_path, axes + measured("probe") + PLANE) == 1
     said = " ".join(capsys.readouterr().err.split())
     assert "measurements.probe.active" in said
@@ -199,9 +196,7 @@ def test_plane_beside_a_cross_that_may_act_asks_for_the_axis_list(
 
 def test_plane_beside_a_cross_that_is_switched_off_replaces_it(tmp_path: Path) -> None:
     probe(tmp_path)
-    (tmp_path / "z.lis").write_text(cross_list())
-    (tmp_path / "zm.lis").write_text(ON.replace("crosscomp 1", "crosscomp 0"))
-    axes = AXES + 'list = "z.lis"\nmachine_data = "zm.lis"\n'
+    axes = with_lists(tmp_path, machine=ON.replace("crosscomp 1", "crosscomp 0"))
     assert fit(tmp_path, axes + measured("probe") + PLANE) == 0
     machine = ListFile.read(tmp_path / "out" / "achsmds3.lis")
     assert machine.integer("lr_param.crosscomp") == 0
@@ -212,9 +207,7 @@ def test_cross_that_acted_in_the_readings_and_is_switched_off_is_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     probe(tmp_path)
-    (tmp_path / "z.lis").write_text(cross_list())
-    (tmp_path / "zm.lis").write_text(ON.replace("crosscomp 1", "crosscomp 0"))
-    axes = AXES + 'list = "z.lis"\nmachine_data = "zm.lis"\n'
+    axes = with_lists(tmp_path, machine=ON.replace("crosscomp 1", "crosscomp 0"))
     assert fit(tmp_path, axes + measured("probe", 'active = ["cross"]') + PLANE) == 1
     said = " ".join(capsys.readouterr().err.split())
     assert "measurements.probe.active" in said
@@ -227,9 +220,7 @@ def test_axis_whose_list_cannot_be_read_is_not_let_out(
 ) -> None:
     probe(tmp_path)
     lost = cross_list().replace("kw.crosscomp.master_ax_nr 2\n", "")
-    (tmp_path / "z.lis").write_text(lost)
-    (tmp_path / "zm.lis").write_text(ON)
-    axes = AXES + 'list = "z.lis"\nmachine_data = "zm.lis"\n'
+    axes = with_lists(tmp_path, listing=lost)
     assert fit(tmp_path, axes + measured("probe", 'active = ["cross"]') + PLANE) == 1
     said = " ".join(capsys.readouterr().out.split())
     assert "What acts on Z cannot be judged as a whole" in said
