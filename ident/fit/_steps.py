@@ -15,12 +15,17 @@ from typing import final
 
 import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
+from scipy.ndimage import median
+
+from ...data.signals import NORMAL
 
 _MANY = 20_000
 """Readings up to which steps are looked for: longer recordings, in motion, repeat no place."""
 _NONE, _WHOLE, _FEWEST = 1e-9, 0.01, 3
 """Difference in mm or ° that is none; how near whole numbers of steps are; single steps that must
 be seen: one wild reading makes two large ones."""
+_MOST, _FAR = 3, 8.0
+"""Readings of a place of which most are the majority, and robust deviations that are far off."""
 _NOISE = np.linspace(0.0, 0.6, 61)
 _ORDER = np.arange(1, 500)
 _COMMON = np.exp(-np.square(2 * np.pi * np.outer(_NOISE, _ORDER))) @ (
@@ -61,6 +66,24 @@ class Steps:
         if size == 0.0 and again.any():
             size = _step_of(change)
         return cls(size, order, again)
+
+    def off_the_most(
+        self, residual: Float[np.ndarray, " t"]
+    ) -> tuple[Bool[np.ndarray, " t"], Float[np.ndarray, " t"]]:
+        """Return which readings lie far off most of their place, and the median of each place.
+
+        A loss takes them for its noise where they are many; the repeats of a place tell better.
+        """
+        if not self.again.any():
+            return np.zeros(len(residual), bool), np.zeros(len(residual))
+        place = np.empty(len(self.order), np.int64)
+        place[self.order] = np.concatenate([[0], np.cumsum(~self.again)])
+        count = np.bincount(place)
+        middle = median(residual, place, np.arange(len(count)))[place]
+        compared = count[place] >= _MOST
+        off = np.abs(residual - middle)
+        scatter = NORMAL * float(np.median(off[compared])) if compared.any() else 0.0
+        return compared & (off > max(_FAR * scatter, 3.0 * self.size, _NONE)), middle
 
     def common(
         self, residual: Float[np.ndarray, " t"], wild: Bool[np.ndarray, " t"]

@@ -7,8 +7,8 @@ from functools import cached_property
 from typing import Literal, final
 
 import numpy as np
-from jaxtyping import Float, Int
-from scipy.ndimage import median
+from jaxtyping import Bool, Float, Int
+from scipy.ndimage import maximum, median
 
 from ..core import (
     NOT_DETERMINED,
@@ -111,24 +111,35 @@ def fit_table(
         if far:
             # A run that contradicts the others must not pull their mean.
             fit = fit_to(loss, far)
-        if loss == "student" and _too_many_wild(fit, samples):
-            words = none_left_out(float(fit.wild.mean()))
+        off = fit.wild
+        if loss == "student" and not _too_many(off, fit, samples):
+            off = off | fit_to.steps.off_the_most(fit.residual)[0]
+            if off.any():
+                node = nearest_nodes(Stack((layout.effect,)), samples.readings)
+                off = off & (runs_apart(fit, samples, node)[0] == 0.0)
+        divided = loss == "student" and _too_many(off, fit, samples)
+        if divided:
+            words = none_left_out(float(off.mean()))
             fit = fit_to("huber", far)
             fit = dataclasses.replace(fit, message=f"{fit.message} {words}")
     # Where the user sets the smoothness, or readings are held out, nothing is to be judged.
     judged = isinstance(smoothness, str) and not allow_gaps
     fit = judge_once(fit, samples) if judged else fit
-    if not fit.wild.any() and samples.run is None:
+    if not (divided or fit.wild.any()) and samples.run is None:
         return fit
     with one_blas_thread():
         node = nearest_nodes(Stack((layout.effect,)), samples.readings)
     curves = doubt_of_curves(fit, samples, node)
     if curves.any():
         fit = dataclasses.replace(fit, message=f"{fit.message} {ALIKE}")
-    off = lost(layout.effect, node, fit.residual, fit.wild)
+    shift = lost(layout.effect, node, fit.residual, fit.wild)
+    if divided:
+        # The table may have gone with either side.
+        middle = np.abs(fit_to.steps.off_the_most(fit.residual)[1])
+        shift += maximum(middle, node, np.arange(len(shift)))
     apart, doubt = runs_apart(fit, samples, node)
     fit = dataclasses.replace(fit, apart=apart)
-    return fit.doubted(curves + np.square(off) + doubt)
+    return fit.doubted(curves + np.square(shift) + doubt)
 
 
 def fit_values(
@@ -319,9 +330,8 @@ def _stack(table: TableEffect, counted: bytes, drift: bool) -> Stack:
     return Stack((table, effect), banded)
 
 
-def _too_many_wild(fit: TableFit, samples: Samples) -> bool:
+def _too_many(wild: Bool[np.ndarray, " t"], fit: TableFit, samples: Samples) -> bool:
     """Tell whether so many readings are wild that it must be the table that is wrong."""
-    wild = fit.wild
     if wild.any() and samples.run is not None:
         labels, index = np.unique(samples.run), samples.readings.inputs["run"]
         share = np.bincount(index, wild) / np.bincount(index)
