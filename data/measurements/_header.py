@@ -33,7 +33,7 @@ _FORMAT = re.compile(r"(?i)[hmsdytj]{1,4}(?:[:./ -]+[hmsdytj]{1,4})+|±\s?1|-+|1
 _NO_HEADING = frozenset(("pos", "neg", "–"))
 _DELTA = re.compile(rf"[dδΔ∆] ?(?P<axis>{AXIS})|e(?P<of>[xyz])(?P<along>[xyz])")
 _FINE = ("um", "0.1um")
-_TOKENS = re.compile(r"->|<-|[^\W\d_]+|\d+|[^\w\s.,;:#|/()\[\]]")
+TOKENS = re.compile(r"->|<-|[^\W\d_]+|\d+|[^\w\s.,;:#|/()\[\]]")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -276,7 +276,7 @@ def heading(text: str) -> Heading | None:
     kind: str | None = None
     named = linear = letter = False
     axis: str | None = None
-    for token in _TOKENS.findall(text):
+    for token in TOKENS.findall(text):
         if token in DIRECTIONS and token not in _NO_HEADING:
             (signs if token in "+-−" else words).add(DIRECTIONS[token])
         elif token.isdecimal() and run is None:

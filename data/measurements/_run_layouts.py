@@ -4,6 +4,7 @@ One column or one row per run, the trims of LinuxCNC, four bare columns of a las
 """
 
 import dataclasses
+import itertools
 import re
 from collections.abc import Iterable, Mapping, Sequence
 
@@ -13,6 +14,7 @@ from jaxtyping import Float
 from ._dialect import Dialect
 from ._errors import LineError
 from ._header import (
+    TOKENS,
     Heading,
     Name,
     axis_of,
@@ -24,7 +26,16 @@ from ._header import (
 )
 from ._roles import ColumnSpec
 from ._table import LASER_FORMAT, Column, Table, first_bad
-from ._words import is_leg, is_mean, kinds_in, words_in
+from ._words import (
+    AXIS,
+    direction_of,
+    is_leg,
+    is_mean,
+    kind_said,
+    kinds_in,
+    says_correction,
+    words_in,
+)
 
 _KINDS = {"actual": "actual positions", "error": "errors"}
 SHORT = 4
@@ -33,7 +44,12 @@ _TELLING = 1000
 """Rows that tell whether numbers count the rows."""
 _FEWEST = 3
 """Targets of a table with one row per run."""
-_LETTER = re.compile(r"(?P<letter>[fbrFBR])\s?(?P<run>\d+)")
+_LETTERS = {"f": 1, "v": 1, "b": -1, "r": -1}
+"""Directions by the letters of runs, where they stand in pairs."""
+_OTHERS = frozenset(
+    "lag current velocity acceleration temperature direction time".split()
+)
+"""Kinds whose columns are no readings of an error, in whatever direction."""
 _DOWNWARDS = (
     "the targets are listed downwards, and the way there goes as they are listed."
 )
@@ -220,26 +236,47 @@ def one_column_per_run(table: Table, names: Sequence[Name]) -> Table | None:
 
 
 def _spelled(names: Sequence[Name]) -> Sequence[Name]:
-    """Return names that say forward and back where ``F1``, ``B1``, ``F2``, ``B2`` mean that."""
-    matches = {
-        at: _LETTER.fullmatch(name.header.strip()) for at, name in enumerate(names)
-    }
-    letters = {at: match for at, match in matches.items() if match is not None}
-    runs: dict[str, set[str]] = {}
-    for match in letters.values():
-        runs.setdefault(match["letter"].casefold(), set()).add(match["run"])
-    if (
-        set(runs) not in ({"f", "b"}, {"f", "r"})
-        or len({*map(frozenset, runs.values())}) > 1
-    ):
-        return names
-    words = {at: "fwd" if m["letter"] in "fF" else "back" for at, m in letters.items()}
-    return [
-        dataclasses.replace(name, header=f"{name.header} {words[at]}")
-        if at in words
-        else name
-        for at, name in enumerate(names)
-    ]
+    """Return names that say run and direction where pairs of them differ in their direction only.
+
+    ``F1`` and ``B1``, ``Pos 1`` and ``Neg 1``, ``Anzeige vor 1`` and ``Anzeige zurück 1``: alone
+    such a name may say something else.
+    """
+    families: dict[tuple[str, ...], dict[int, int]] = {}
+    for at, name in enumerate(names):
+        tokens = TOKENS.findall(name.stem.casefold())
+        numbers = [int(token) for token in tokens if token.isdecimal()]
+        if len(numbers) == 1 and heading(name.header) is None:
+            words = tuple(token for token in tokens if not token.isdecimal())
+            families.setdefault(words, {})[numbers[0]] = at
+    result = list(names)
+    for there, back in itertools.permutations(families, 2):
+        pairs = [*zip(there, back, strict=False)]
+        differ = [pair for pair in pairs if pair[0] != pair[1]]
+        alike = [word for word, other in pairs if word == other]
+        if (
+            families[there].keys() != families[back].keys()
+            or len(there) != len(back)
+            or [tuple(map(_side, pair)) for pair in differ] != [(1, -1)]
+            or _OTHERS & {*kinds_in({*alike})}
+            or says_correction(" ".join(alike))
+        ):
+            continue
+        leg = differ[0][0] in _LETTERS or is_leg(differ[0][0])
+        kind = kind_said(" ".join(alike))
+        said = [word for word in alike if re.fullmatch(AXIS, word)]
+        said += [kind] * (kind in _KINDS)
+        for words, way in (
+            (there, "fwd" if leg else "up"),
+            (back, "back" if leg else "down"),
+        ):
+            for run, at in families[words].items():
+                header = " ".join([f"Run {run} {way}", *said])
+                result[at] = dataclasses.replace(names[at], stem=header, header=header)
+    return result
+
+
+def _side(word: str) -> int | None:
+    return _LETTERS.get(word) or direction_of(word)
 
 
 def _with_first(

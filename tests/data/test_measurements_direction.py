@@ -382,3 +382,36 @@ def test_letters_of_forward_and_back_are_directions_of_runs(
     data = measurement(read_table(path), axis="X")
     error, side = data.require("X.error"), data.require("X.direction")
     assert {*error[side > 0].round(6)} == {0.001, 0.003}
+
+
+@pytest.mark.parametrize(
+    ("there", "back"),
+    [
+        ("Pos {}", "Neg {}"),
+        ("Anzeige vor {}", "Anzeige zurück {}"),
+        ("Ist-Soll {}+", "Ist-Soll {}-"),
+        ("error_pos_{}", "error_neg_{}"),
+        ("Passage {} aller", "Passage {} retour"),
+        ("V{}", "R{}"),
+    ],
+)
+def test_columns_that_differ_in_their_direction_only_are_those_of_the_runs(
+    tmp_path: Path, there: str, back: str
+) -> None:
+    heads = [f"{word.format(run)} [µm]" for run in (1, 2) for word in (there, back)]
+    path = tmp_path / "runs.csv"
+    rows = [f"{x};1.0;5.0;1.5;5.5" for x in (0, 50, 100, 150, 200)]
+    path.write_text("\n".join([";".join(["Position X [mm]", *heads]), *rows]) + "\n")
+    data = measurement(read_table(path), axis="X")
+    error, side = data.require("X.error"), data.require("X.direction")
+    np.testing.assert_array_equal(error > 0.003, side < 0)
+    assert {*data.require("run")} == {1, 2}
+
+
+def test_corrections_in_two_directions_are_not_taken_for_errors(tmp_path: Path) -> None:
+    path = tmp_path / "runs.csv"
+    rows = [f"{x};1.0;5.0;1.5;5.5" for x in (0, 50, 100, 150, 200)]
+    heads = "Position X [mm];Soll-Ist 1+;Soll-Ist 1-;Soll-Ist 2+;Soll-Ist 2-"
+    path.write_text("\n".join([heads, *rows]) + "\n")
+    with pytest.raises(MeasurementError, match="Soll-Ist"):
+        measurement(read_table(path), axis="X")
