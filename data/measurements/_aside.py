@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from jaxtyping import Int
 
-from ._header import heading, numbered
+from ._headings import heading, numbered
 from ._layout import Layout
 from ._table import Column
 

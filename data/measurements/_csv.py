@@ -16,7 +16,8 @@ from jaxtyping import Int
 from ._aside import columns_of_blocks, without_foot, without_headings
 from ._errors import LineError, MeasurementError
 from ._head_lines import is_unit_row
-from ._header import Name, looks_like_names, parse_name, unit_in
+from ._header import Name, parse_name, unit_in
+from ._headings import looks_like_names
 from ._layout import Layout, find_layout
 from ._meaning import with_meaning
 from ._table import BadCell, Column, Lines, Skipped, Table, TextForm, first_bad

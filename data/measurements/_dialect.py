@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Sequence
 
 from ._dates import is_instant
-from ._header import looks_like_names
+from ._headings import looks_like_names
 from ._words import kind_said
 
 NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")

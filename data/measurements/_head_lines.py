@@ -9,7 +9,8 @@ import numpy as np
 
 from ._dialect import Dialect, begins_with_name, first_row_of_numbers
 from ._errors import LineError, MeasurementError
-from ._header import heading, is_format, looks_like_names, unit_in
+from ._header import is_format, unit_in
+from ._headings import heading, looks_like_names
 from ._table import Lines
 
 _MOST_HEADERS = 4

@@ -1,17 +1,15 @@
-"""Column names as files write them: units, roles, runs and directions."""
+"""Column names as files write them: units and roles."""
 
 import dataclasses
 import functools
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from ._roles import find_role
 from ._units import find_unit, is_foreign
 from ._words import (
     AXIS,
     CLOCKS,
-    DIRECTIONS,
-    RUNS,
     is_difference,
     is_warm,
     kind_said,
@@ -29,11 +27,8 @@ _MULTIPLE = re.compile(
 _ENDING = re.compile(r"(?P<name>.+)_(?P<unit>[A-Za-z0-9.%µμ°]+)")
 _IN = re.compile(r"\bin\s+(\S+)|[\[(]([^\])]+)[\])]")
 _FORMAT = re.compile(r"(?i)[hmsdytj]{1,4}(?:[:./ -]+[hmsdytj]{1,4})+|±\s?1|-+|1")
-# "pos" is a position above a column, and a positive direction in a cell.
-_NO_HEADING = frozenset(("pos", "neg", "–"))
 _DELTA = re.compile(rf"[dδΔ∆] ?(?P<axis>{AXIS})|e(?P<of>[xyz])(?P<along>[xyz])")
 _FINE = ("um", "0.1um")
-TOKENS = re.compile(r"->|<-|[^\W\d_]+|\d+|[^\w\s.,;:#|/()\[\]]")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -55,25 +50,6 @@ class Name:
     doubtful: bool
     stem: str
     header: str
-
-
-@dataclasses.dataclass(frozen=True)
-class Heading:
-    """What the heading of a column of a wide table says of its readings.
-
-    Attributes:
-        run: Number of the run.
-        direction: +1 or −1.
-        kind: ``error`` or ``actual``.
-        named: It says more than a number.
-        axis: The axis whose readings they are, or the letter of a run.
-    """
-
-    run: int | None
-    direction: int | None
-    kind: str | None
-    named: bool
-    axis: str | None = None
 
 
 @functools.lru_cache(maxsize=1024)
@@ -262,97 +238,3 @@ def _is_alone(name: Name) -> bool:
     """Whether a name is that of an axis, and says nothing of what is measured."""
     words = pieces(name.stem)
     return says_nothing([w for w in words if not re.fullmatch(AXIS, w.casefold())])
-
-
-def heading(text: str) -> Heading | None:
-    """Return the run and the direction that a heading names, with nothing else in it.
-
-    ``Lauf 1 vorwärts``, ``up 2``, ``1 ↑``, ``Run 3 (+)``, ``-2``; None for all others.
-    """
-    text = re.sub(r"(?<=[^\W\d_])[-_](?=\d)", " ", parse_name(text).stem.casefold())
-    run: int | None = None
-    words: set[int] = set()
-    signs: set[int] = set()
-    kind: str | None = None
-    named = linear = letter = False
-    axis: str | None = None
-    for token in TOKENS.findall(text):
-        if token in DIRECTIONS and token not in _NO_HEADING:
-            (signs if token in "+-−" else words).add(DIRECTIONS[token])
-        elif token.isdecimal() and run is None:
-            run = int(token)
-        elif token in RUNS:
-            named = True
-        elif (said := kind_said(token)) in ("error", "actual"):
-            kind = said
-        elif re.fullmatch("[xyzabcuvw]", token):
-            axis, linear = token.upper(), token in "xyz"
-        elif said is None and len(token) == 1 and token.isalpha():
-            letter = True  # of a run, beside its number and a direction: "R1 +"
-        elif said != "direction" and not says_nothing([token]):
-            return None
-    directions = words or signs  # "Lauf 1 - hin" holds a dash and no sign
-    if len(directions) > 1 or (run is None and not directions):
-        return None
-    run_of_letter = not linear and run is not None and directions  # "V1+"
-    if letter and not run_of_letter:
-        return None
-    if axis and not (named or words or run_of_letter):
-        return None  # "B 1" and "X+" are names of axes and of their ends
-    side, named = next(iter(directions), None), named or bool(directions) or bool(kind)
-    return Heading(run, side, kind, named, axis)
-
-
-def other_direction(
-    names: Sequence[Name], headings: Mapping[int, Heading]
-) -> tuple[str, dict[int, Heading]] | None:
-    """Return the one unknown word that can only name the other direction, and its columns.
-
-    ``Hub 1 [µm]``, ``Hub 2 [µm]`` beside ``Rücklauf 1 [µm]``, ``Rücklauf 2 [µm]``: the same
-    runs in the same unit. None where there is no such word.
-    """
-    sides = {item.direction for item in headings.values()}
-    side = sides.pop()
-    if sides or side is None:
-        return None
-    units = {names[at].unit for at in headings}
-    runs = sorted(item.run or 0 for item in headings.values())
-    families: dict[str, dict[int, int]] = {}
-    for at, name in enumerate(names):
-        words = pieces(name.stem.casefold())
-        numbers = [int(word) for word in words if word.isdecimal()]
-        others = [word for word in words if not word.isdecimal()]
-        unknown = len(numbers) == len(others) == 1 and kind_said(others[0]) is None
-        if at not in headings and unknown and {name.unit} == units:
-            families.setdefault(others[0], {})[at] = numbers[0]
-    for word, columns in families.items():
-        if sorted(columns.values()) == runs:
-            kind = next(iter(headings.values())).kind
-            return word, {
-                at: Heading(run, -side, kind, True) for at, run in columns.items()
-            }
-    return None
-
-
-def numbered(headings: Mapping[int, Heading]) -> dict[int, Heading]:
-    """Return headings with a run each; those without are counted per direction."""
-    counts: dict[int | None, int] = {}
-    numbered = {}
-    for at, item in headings.items():
-        counts[item.direction] = counts.get(item.direction, 0) + 1
-        run = counts[item.direction] if item.run is None else item.run
-        numbered[at] = dataclasses.replace(item, run=run)
-    return numbered
-
-
-def looks_like_names(cells: Sequence[str]) -> bool:
-    """Whether words can only be names: each a role, a heading of a run, or with a unit."""
-    names = [parse_name(cell) for cell in cells]
-    return all(
-        name.unit is not None
-        or find_role(name.name) is not None
-        or bare_role(name) is not None
-        or heading(name.header) is not None
-        or re.fullmatch(r"[xyzabcuvw]|d[xyz]", name.name.casefold())
-        for name in names
-    )

@@ -19,15 +19,8 @@ from ._head_lines import (
     refuse_numbers,
     upper_cells,
 )
-from ._header import (
-    Name,
-    bare_role,
-    heading,
-    is_format,
-    looks_like_names,
-    parse_name,
-    unit_in,
-)
+from ._header import Name, bare_role, is_format, parse_name, unit_in
+from ._headings import heading, looks_like_names
 from ._table import Lines, Skipped
 
 _SAMPLE = 400

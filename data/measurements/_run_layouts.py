@@ -4,8 +4,6 @@ One column or one row per run, the trims of LinuxCNC, four bare columns of a las
 """
 
 import dataclasses
-import itertools
-import re
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
@@ -13,27 +11,22 @@ from jaxtyping import Float
 
 from ._dialect import Dialect
 from ._errors import LineError
-from ._header import (
-    TOKENS,
+from ._header import Name, axis_of, bare_role, roles_of
+from ._headings import (
     Heading,
-    Name,
-    axis_of,
-    bare_role,
     heading,
+    named_axis,
     numbered,
     other_direction,
-    roles_of,
+    spelled,
+    with_first,
 )
 from ._roles import ColumnSpec
 from ._table import LASER_FORMAT, Column, Table, first_bad
 from ._words import (
-    AXIS,
-    direction_of,
     is_leg,
     is_mean,
-    kind_said,
     kinds_in,
-    says_correction,
     words_in,
 )
 
@@ -44,12 +37,6 @@ _TELLING = 1000
 """Rows that tell whether numbers count the rows."""
 _FEWEST = 3
 """Targets of a table with one row per run."""
-_LETTERS = {"f": 1, "v": 1, "b": -1, "r": -1}
-"""Directions by the letters of runs, where they stand in pairs."""
-_OTHERS = frozenset(
-    "lag current velocity acceleration temperature direction time".split()
-)
-"""Kinds whose columns are no readings of an error, in whatever direction."""
 _DOWNWARDS = (
     "the targets are listed downwards, and the way there goes as they are listed."
 )
@@ -149,10 +136,10 @@ def triplets(table: Table, names: Sequence[Name]) -> Table | None:
 
 def one_column_per_run(table: Table, names: Sequence[Name]) -> Table | None:
     """Return a table of one column per run and direction with its meaning, or None."""
-    names = _spelled(names)
+    names = spelled(names)
     headings = [heading(name.header) for name in names]
     kinds = [bare_role(name) for name in names]
-    headings = _with_first(headings, kinds)
+    headings = with_first(headings, kinds)
     roles, _ = roles_of(names)
     targets = [
         at
@@ -221,7 +208,7 @@ def one_column_per_run(table: Table, names: Sequence[Name]) -> Table | None:
     if len({(item.run, item.direction) for item in runs.values()}) < len(runs):
         runs = {at: dataclasses.replace(item, run=None) for at, item in runs.items()}
     along = axis_of(names[target])
-    named = [_named_axis(item, along) for item in runs.values()]
+    named = [named_axis(item, along) for item in runs.values()]
     axes = {*named} - {None}
     if len(axes) > 1 or (None in named and axes - {None, along}):
         return None  # readings of two axes side by side are no runs of one
@@ -233,72 +220,6 @@ def one_column_per_run(table: Table, names: Sequence[Name]) -> Table | None:
         return straightness(result, axis, along, "names")
     remark = f"The names of the runs say that the axis is {axis}."
     return dataclasses.replace(result, axis=axis, remarks=(*result.remarks, remark))
-
-
-def _spelled(names: Sequence[Name]) -> Sequence[Name]:
-    """Return names that say run and direction where pairs of them differ in their direction only.
-
-    ``F1`` and ``B1``, ``Pos 1`` and ``Neg 1``, ``Anzeige vor 1`` and ``Anzeige zurück 1``: alone
-    such a name may say something else.
-    """
-    families: dict[tuple[str, ...], dict[int, int]] = {}
-    for at, name in enumerate(names):
-        tokens = TOKENS.findall(name.stem.casefold())
-        numbers = [int(token) for token in tokens if token.isdecimal()]
-        if len(numbers) == 1 and heading(name.header) is None:
-            words = tuple(token for token in tokens if not token.isdecimal())
-            families.setdefault(words, {})[numbers[0]] = at
-    result = list(names)
-    for there, back in itertools.permutations(families, 2):
-        pairs = [*zip(there, back, strict=False)]
-        differ = [pair for pair in pairs if pair[0] != pair[1]]
-        alike = [word for word, other in pairs if word == other]
-        if (
-            families[there].keys() != families[back].keys()
-            or len(there) != len(back)
-            or [tuple(map(_side, pair)) for pair in differ] != [(1, -1)]
-            or _OTHERS & {*kinds_in({*alike})}
-            or says_correction(" ".join(alike))
-        ):
-            continue
-        leg = differ[0][0] in _LETTERS or is_leg(differ[0][0])
-        kind = kind_said(" ".join(alike))
-        said = [word for word in alike if re.fullmatch(AXIS, word)]
-        said += [kind] * (kind in _KINDS)
-        for words, way in (
-            (there, "fwd" if leg else "up"),
-            (back, "back" if leg else "down"),
-        ):
-            for run, at in families[words].items():
-                header = " ".join([f"Run {run} {way}", *said])
-                result[at] = dataclasses.replace(names[at], stem=header, header=header)
-    return result
-
-
-def _side(word: str) -> int | None:
-    return _LETTERS.get(word) or direction_of(word)
-
-
-def _with_first(
-    headings: Sequence[Heading | None], kinds: Sequence[str | None]
-) -> list[Heading | None]:
-    """Return headings, one more where ``Reading`` stands before ``Reading 2``, ``Reading 3``."""
-    result = list(headings)
-    for kind in _KINDS:
-        first = [
-            at for at, each in enumerate(kinds) if each == kind and headings[at] is None
-        ]
-        runs = [
-            item.run
-            for item in headings
-            if item and item.kind == kind and not item.direction and item.run
-        ]
-        lowest = min(runs, default=0)
-        in_turn = sorted(runs) == [*range(lowest, lowest + len(runs))]
-        # From 1 on where names were made to differ: "Reading.1".
-        if len(first) == 1 and in_turn and lowest in (1, 2):
-            result[first[0]] = Heading(lowest - 1, None, kind, True)
-    return result
 
 
 def _at_targets(
@@ -324,12 +245,6 @@ def _at_targets(
         values = columns[at].values[order]
         columns[at] = dataclasses.replace(columns[at], values=values)
     return dataclasses.replace(table, columns=tuple(columns))
-
-
-def _named_axis(item: Heading, along: str | None) -> str | None:
-    """Return the axis that a heading names; A, B, C and the like may be letters of runs."""
-    linear = item.axis in ("X", "Y", "Z")
-    return item.axis if linear or item.axis == along else None
 
 
 def straightness(table: Table, axis: str, along: str, source: str) -> Table:

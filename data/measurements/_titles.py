@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ._header import heading, unit_of_title
+from ._header import unit_of_title
+from ._headings import heading
 from ._roles import ColumnSpec
 from ._run_layouts import straightness
 from ._table import Column, Table
