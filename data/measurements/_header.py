@@ -80,7 +80,7 @@ def parse_name(header: str) -> Name:
     if match is None or unit is None:
         return _in_or_input(text)
     if len(match["unit"]) > 1:
-        if unit.name in ("in", "min"):
+        if match["unit"].casefold() in ("in", "min"):
             return _in_or_input(text)
         return Name(text, unit.name, False, match["name"], text)
     if match["unit"] == "C" and is_warm(match["name"]):

@@ -81,11 +81,16 @@ def _all_units() -> Iterable[Unit]:
     yield Unit("rpm", "angular velocity", 6)
     yield Unit("nm", "length", 1, 1_000_000)
     yield Unit("0.01mm", "length", 1, 100)
+    yield Unit("0.1mm", "length", 1, 10)
+    yield Unit("cm", "length", 10)
+    yield Unit("dm", "length", 100)
+    yield Unit("ft", "length", 1_524, 5)
     yield Unit("thou", "length", 127, 5_000)
     yield Unit("uin", "length", 127, 5_000_000)
     yield Unit("mdeg", "angle", 1, 1_000)
     yield Unit("arcmin", "angle", 1, 60)
     yield Unit("arcsec", "angle", 1, 3_600)
+    yield Unit("gon", "angle", 9, 10)
     yield Unit("mrad", "angle", _RADIAN, 1_000)
     yield Unit("urad", "angle", _RADIAN, 1_000_000)
     yield Unit("s", "time")
@@ -143,17 +148,20 @@ _ALIASES = {
         "arcsec": "arcseconds arcsecs arcs arc-sec asec secondsofarc '' ″ Winkelsekunden"
         " Bogensekunden",
         "um": "micron microns micrometer micrometre micrometers micrometres Mikrometer"
-        " 0.001mm",
+        " 0.001mm 1e-3mm my Mikron",
         "nm": "nanometer nanometers nanometre nanometres Nanometer",
         "mm": "millimeter millimetre millimeters Millimeter",
+        "0.01mm": "10um",
+        "cm": "centimeter centimetre centimeters centimetres Zentimeter",
         "in": "inch inches Zoll pouce pouces",
+        "ft": "feet foot Fuß",
         "thou": "mil mils 0.001in 0.001inch",
         "uin": "microinch microinches uinch",
         "s": "sec",
         "min": "minute minutes Minuten",
         "h": "hr hrs hours Stunden",
         "%": "percent",
-        "inc": "increments",
+        "inc": "increments increment incs Inkremente counts cts pulses Impulse",
         "Nm": "N.m",
         "mm/s": "mm/sec",
         "in/min": "ipm",
@@ -169,7 +177,7 @@ _CASELESS = {
 }
 
 
-FOREIGN = frozenset(("ft", "feet", "f", '"', "'", "ppm", "ppb", "um/m", "mm/m", "nm/m"))
+FOREIGN = frozenset("f \" ' ppm ppb um/m mm/m nm/m yd div digit digits steps".split())
 """Units that files use and the library does not convert; a default would be wrong.
 
 ``"`` is inches of a length or seconds of an angle; ppm and µm/m are no lengths.

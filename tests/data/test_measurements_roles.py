@@ -115,6 +115,25 @@ def test_spellings_of_units(text: str, name: str | None) -> None:
     assert (found.name if found else None) == name
 
 
+@pytest.mark.parametrize(
+    ("header", "factor"),
+    [
+        ("x [cm]", 10.0),
+        ("x/cm", 10.0),
+        ("x_inch", 25.4),
+        ("x_Zoll", 25.4),
+        ("x [1/10 mm]", 0.1),
+        ("x [ft]", 304.8),
+    ],
+)
+def test_positions_are_read_in_the_unit_that_their_name_says(
+    tmp_path: Path, header: str, factor: float
+) -> None:
+    data = measurement(table_of(tmp_path, f"{header},dx [um]\n0,1\n2,3\n4,1\n"))
+    places = data.require("X.position")
+    np.testing.assert_allclose(places, factor * np.array([0.0, 2.0, 4.0]))
+
+
 def test_mapped_columns_come_in_library_units(tmp_path: Path) -> None:
     table = table_of(tmp_path, "x,y,dz,T\n0,1,5,293.15\n1,2,-5,294.15\n")
     data = measurement(
