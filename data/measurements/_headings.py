@@ -13,9 +13,9 @@ from ._words import (
     RUNS,
     direction_of,
     is_leg,
+    is_mean,
     kind_said,
     kinds_in,
-    pieces,
     says_correction,
     says_nothing,
 )
@@ -23,13 +23,18 @@ from ._words import (
 # "pos" is a position above a column, and a positive direction in a cell.
 _NO_HEADING = frozenset(("pos", "neg", "–"))
 _TOKENS = re.compile(r"->|<-|[^\W\d_]+|\d+|[^\w\s.,;:#|/()\[\]]")
-_LETTERS = {"f": 1, "v": 1, "b": -1, "r": -1}
-"""Directions by the letters of runs, where they stand in pairs."""
+_LETTERS = frozenset("fb fr vr hr pn ud".split())
+"""Letters of runs in + and − direction, where they stand in pairs."""
+_BY_LETTER, _LETTERS_BACK = frozenset("fvh"), frozenset("br")
+"""Those of the way there, and of the way back."""
 _READINGS = ("actual", "error")
 _OTHERS = frozenset(
     "lag current velocity acceleration temperature direction time".split()
 )
 """What readings of a run are; kinds whose columns are none, in whatever direction."""
+
+_Family = tuple[tuple[str, ...], str | None]
+"""Words and unit of a name but for its number."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -90,37 +95,6 @@ def heading(text: str) -> Heading | None:
     return Heading(run, side, kind, named, axis)
 
 
-def other_direction(
-    names: Sequence[Name], headings: Mapping[int, Heading]
-) -> tuple[str, dict[int, Heading]] | None:
-    """Return the one unknown word that can only name the other direction, and its columns.
-
-    ``Hub 1 [µm]``, ``Hub 2 [µm]`` beside ``Rücklauf 1 [µm]``, ``Rücklauf 2 [µm]``: the same
-    runs in the same unit. None where there is no such word.
-    """
-    sides = {item.direction for item in headings.values()}
-    side = sides.pop()
-    if sides or side is None:
-        return None
-    units = {names[at].unit for at in headings}
-    runs = sorted(item.run or 0 for item in headings.values())
-    families: dict[str, dict[int, int]] = {}
-    for at, name in enumerate(names):
-        words = pieces(name.stem.casefold())
-        numbers = [int(word) for word in words if word.isdecimal()]
-        others = [word for word in words if not word.isdecimal()]
-        unknown = len(numbers) == len(others) == 1 and kind_said(others[0]) is None
-        if at not in headings and unknown and {name.unit} == units:
-            families.setdefault(others[0], {})[at] = numbers[0]
-    for word, columns in families.items():
-        if sorted(columns.values()) == runs:
-            kind = next(iter(headings.values())).kind
-            return word, {
-                at: Heading(run, -side, kind, True) for at, run in columns.items()
-            }
-    return None
-
-
 def numbered(headings: Mapping[int, Heading]) -> dict[int, Heading]:
     """Return headings with a run each; those without are counted per direction."""
     counts: dict[int | None, int] = {}
@@ -145,48 +119,94 @@ def looks_like_names(cells: Sequence[str]) -> bool:
     )
 
 
-def spelled(names: Sequence[Name]) -> Sequence[Name]:
-    """Return names that say run and direction where pairs of them differ in their direction only.
+def spelled(names: Sequence[Name]) -> tuple[Sequence[Name], tuple[str, ...]]:
+    """Return names that say run and direction where pairs differ in their direction only.
 
     ``F1`` and ``B1``, ``Pos 1`` and ``Neg 1``, ``Anzeige vor 1`` and ``Anzeige zurück 1``: alone
-    such a name may say something else.
+    such a name may say something else. Beside one known direction an unknown word in its place,
+    for the same runs in the same unit, names the other one: ``Hub 1``, ``Rücklauf 1``.
+
+    Returns:
+        The names, and what had to be taken for granted, one sentence each.
     """
-    families: dict[tuple[str, ...], dict[int, int]] = {}
+    families: dict[_Family, dict[int, int]] = {}
     for at, name in enumerate(names):
-        tokens = _TOKENS.findall(name.stem.casefold())
-        numbers = [int(token) for token in tokens if token.isdecimal()]
-        if len(numbers) == 1 and heading(name.header) is None:
+        # "Error_1_N" is no force beside "Error_1_P".
+        letter = re.fullmatch(r".*\d_[A-Za-z]", name.name)
+        text, unit = name.name if letter else name.stem, name.unit
+        unit = None if name.doubtful else unit
+        tokens = _TOKENS.findall(text.casefold())
+        numbers = {int(token) for token in tokens if token.isdecimal()}
+        if len(numbers) == 1 and not is_mean(name.header):
             words = tuple(token for token in tokens if not token.isdecimal())
-            families.setdefault(words, {})[numbers[0]] = at
-    result = list(names)
-    for there, back in itertools.permutations(families, 2):
-        pairs = [*zip(there, back, strict=False)]
-        differ = [pair for pair in pairs if pair[0] != pair[1]]
-        alike = [word for word, other in pairs if word == other]
-        if (
-            families[there].keys() != families[back].keys()
-            or len(there) != len(back)
-            or [tuple(map(_side, pair)) for pair in differ] != [(1, -1)]
-            or _OTHERS & {*kinds_in({*alike})}
-            or says_correction(" ".join(alike))
+            families.setdefault((words, unit), {})[numbers.pop()] = at
+    result, remarks = list(names), []
+    pairs = {
+        (one, other): differing
+        for one, other in itertools.permutations(families, 2)
+        if one[1] == other[1] and families[one].keys() == families[other].keys()
+        if (differing := _directions(one[0], other[0])) is not None
+    }
+    for (one, other), (word, unknown, side, alike) in pairs.items():
+        mates = sum({one, other} & {*pair} != set() for pair in pairs)
+        known = [heading(names[at].header) for at in (*families[one].values(),)]
+        if unknown and (
+            mates > 1 or not all(each and each.direction for each in known)
         ):
             continue
-        leg = differ[0][0] in _LETTERS or is_leg(differ[0][0])
+        leg = word in _BY_LETTER or is_leg(word)
+        ways = ("fwd", "back") if leg else ("up", "down")
+        said = [each for each in alike if re.fullmatch(AXIS, each)]
         kind = kind_said(" ".join(alike))
-        said = [word for word in alike if re.fullmatch(AXIS, word)]
-        said += [kind] * (kind in _READINGS)
-        for words, way in (
-            (there, "fwd" if leg else "up"),
-            (back, "back" if leg else "down"),
-        ):
-            for run, at in families[words].items():
+        said += [kind] if kind in _READINGS else []
+        for family, way in zip((one, other), ways[::side], strict=True):
+            for run, at in families[family].items():
                 header = " ".join([f"Run {run} {way}", *said])
                 result[at] = dataclasses.replace(names[at], stem=header, header=header)
-    return result
+        if unknown:
+            remarks.append(
+                f"The columns of '{unknown}' have the runs and the unit of those in the other"
+                f" direction: they are taken for the {'−' if side > 0 else '+'} direction."
+            )
+    return result, tuple(remarks)
 
 
-def _side(word: str) -> int | None:
-    return _LETTERS.get(word) or direction_of(word)
+def _directions(
+    one: Sequence[str], other: Sequence[str]
+) -> tuple[str, str, int, list[str]] | None:
+    """Return how the words of two names differ in their direction, or None.
+
+    The first's word; the second's where it is unknown, else none; direction of the first; and
+    what both say.
+    """
+    alike, own, others = [], [], [*other]
+    for each in one:
+        if each in others:
+            others.remove(each)
+            alike.append(each)
+        else:
+            own.append(each)
+    said = {*kinds_in({*alike})}
+    if _OTHERS & said or says_correction(" ".join(alike)) or len(others) != 1:
+        return None
+    word, behind = "".join(own), others[0]
+    if word + behind in _LETTERS or (direction_of(word), direction_of(behind)) == (
+        1,
+        -1,
+    ):
+        return word, "", 1, alike
+    if not own and alike and not any(map(direction_of, alike)):
+        # "Abw 1", "Abw 1 R"
+        back = behind in _LETTERS_BACK or direction_of(behind) == -1
+        return ("fwd", "", 1, alike) if back else None
+    side = direction_of(word) if len(own) == 1 else None
+    if (
+        side is None
+        or direction_of(behind) is not None
+        or kind_said(behind) is not None
+    ):
+        return None
+    return word, behind, side, alike
 
 
 def with_first(

@@ -17,7 +17,8 @@ from ._table import Skipped, Table
 
 _AXIS = r"(?P<{0}>[A-Za-z])\s*(?:[\[(](?P<{0}_unit>[^\])]+)[\])])?"
 _CORNER = re.compile(
-    rf'^"?\s*{_AXIS.format("down")}\s*[\\/]\s*{_AXIS.format("along")}\s*"?(?P<mark>[;,\t])',
+    rf'^"?\s*{_AXIS.format("down")}\s*[\\/]\s*{_AXIS.format("along")}\s*"?(?P<mark>[;,\t])'
+    r'(?=\s*"?[-+.\d])',  # "t/s;x/mm" are columns with their units
     re.MULTILINE,
 )
 _EMPTY = re.compile("")

@@ -17,7 +17,6 @@ from ._headings import (
     heading,
     named_axis,
     numbered,
-    other_direction,
     spelled,
     with_first,
 )
@@ -136,7 +135,7 @@ def triplets(table: Table, names: Sequence[Name]) -> Table | None:
 
 def one_column_per_run(table: Table, names: Sequence[Name]) -> Table | None:
     """Return a table of one column per run and direction with its meaning, or None."""
-    names = spelled(names)
+    names, spoken = spelled(names)
     headings = [heading(name.header) for name in names]
     kinds = [bare_role(name) for name in names]
     headings = with_first(headings, kinds)
@@ -169,17 +168,22 @@ def one_column_per_run(table: Table, names: Sequence[Name]) -> Table | None:
     others = {kind for at, kind in enumerate(kinds) if at not in runs}
     if not runs or {"error", "actual"} & others:
         return None
-    if (found := other_direction(names, runs)) is not None:
-        word, back = found
-        sign = "+" if back[min(back)].direction == 1 else "−"
-        remark = (
-            f"The columns of '{word}' have the runs and the unit of those in the other"
-            f" direction: they are taken for the {sign} direction."
-        )
-        runs = dict(sorted((runs | back).items()))
-        table = dataclasses.replace(table, remarks=(*table.remarks, remark))
+    table = dataclasses.replace(table, remarks=(*table.remarks, *spoken))
     if len(runs) < 2:
         return None
+    left = [
+        table.columns[at].name
+        for at, name in enumerate(names)
+        if at not in runs and at not in targets and table.columns[at].text is None
+        if kinds[at] in (None, "error", "actual") and not is_mean(name.header)
+        if any(map(str.isdigit, name.stem))
+    ]
+    if len(left) == len(runs):
+        remark = (
+            f"Not used: {', '.join(left)}, as many columns as there are of runs, whose names say"
+            " no direction that is known. Where they are runs, state all of them in columns."
+        )
+        table = dataclasses.replace(table, remarks=(*table.remarks, remark))
     if len(targets) > 1:
         beside = _at_targets(table, targets, runs)
         if beside is None:
@@ -188,8 +192,6 @@ def one_column_per_run(table: Table, names: Sequence[Name]) -> Table | None:
     place = table.columns[target].values
     sided = [at for at, item in runs.items() if item.direction]
     legs = [at for at in sided if is_leg(names[at].header)]
-    if legs and found is not None:
-        legs = sided  # what is called otherwise is the other way
     numbering = _numbering(table, names, runs)
     steps = np.diff(place)
     if numbering is not None:  # from run to run it goes back

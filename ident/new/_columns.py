@@ -6,6 +6,7 @@ import itertools
 from collections.abc import Mapping, Sequence, Set
 
 import numpy as np
+from jaxtyping import Float
 
 from ...data.measurements import (
     MESH_FORMATS,
@@ -410,11 +411,21 @@ def _apart(runs: Sequence[Column]) -> tuple[float, float]:
     return abs(float(known.mean())) if known.size else 0.0, scatter
 
 
+def _falls(column: Column, word: str, place: Float[np.ndarray, " t"]) -> bool:
+    """Whether positions that follow each other fall where a column of directions holds a word."""
+    cells = column.text or [f"{value:g}" for value in column.values]
+    own = np.array([cell.strip() == word for cell in cells])
+    steps = np.diff(place)[own[1:] & own[:-1]]
+    return bool(np.nansum(np.sign(steps)) < 0.0)
+
+
 def _question(file: _File, each: Named) -> Unclear:
     """Return the roles that a column may have, and what is to be asked of it, if anything."""
     column, axis, text = each.column, file.axis_of(each), file.text(each)
     if each.kind == "direction" and (ways := two_ways(column)):
-        bare = _spec(column, None)
+        bare, places = _spec(column, None), file.places
+        if len(places) == 1 and _falls(column, ways[0], places[0].values):
+            ways = ways[::-1]
         choices = [(text, dataclasses.replace(bare, positive=way)) for way in ways]
         return _unclear(column, {"positive"}, choices)
     asks, texts = set(each.asks), [text]

@@ -393,6 +393,12 @@ def test_letters_of_forward_and_back_are_directions_of_runs(
         ("error_pos_{}", "error_neg_{}"),
         ("Passage {} aller", "Passage {} retour"),
         ("V{}", "R{}"),
+        ("+{}", "–{}"),
+        ("Abw {} vor", "Abw {} rü"),
+        ("Deviation {} out", "Deviation {} home"),
+        ("Abw {}", "Abw {} R"),
+        ("Error_{}_P", "Error_{}_N"),
+        ("Lauf {} pos.", "Lauf {} neg."),
     ],
 )
 def test_columns_that_differ_in_their_direction_only_are_those_of_the_runs(
@@ -415,3 +421,12 @@ def test_corrections_in_two_directions_are_not_taken_for_errors(tmp_path: Path) 
     path.write_text("\n".join([heads, *rows]) + "\n")
     with pytest.raises(MeasurementError, match="Soll-Ist"):
         measurement(read_table(path), axis="X")
+
+
+def test_columns_that_stand_beside_those_of_runs_are_named(tmp_path: Path) -> None:
+    path = tmp_path / "runs.csv"
+    rows = [f"{x};1.0;1.5;5.0;5.5" for x in (0, 50, 100, 150, 200)]
+    heads = "Position X [mm];Lauf 1;Lauf 2;Sonst 1;Sonst 2"
+    path.write_text("\n".join([heads, *rows]) + "\n")
+    (remark,) = (each for each in read_table(path).remarks if "Not used" in each)
+    assert "Sonst 1, Sonst 2" in remark

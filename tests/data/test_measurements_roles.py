@@ -488,3 +488,12 @@ def test_an_angle_that_begins_anew_in_motion_is_of_an_axis_that_goes_round(
 def test_targets_that_begin_anew_with_each_run_are_no_turn(tmp_path: Path) -> None:
     table = turning(tmp_path / "c.csv", np.tile(np.arange(0.0, 361.0, 5.0), 3))
     assert measurement(table).require("C.position").max() == 360.0
+
+
+def test_units_behind_a_slash_make_no_surface_of_a_table(tmp_path: Path) -> None:
+    table = table_of(tmp_path, "t/s;x/mm;dx/um\n0;0;1\n1;50;2\n2;100;1\n")
+    assert [(column.name, column.unit) for column in table.columns] == [
+        ("t", "s"),
+        ("x", "mm"),
+        ("dx", "um"),
+    ]

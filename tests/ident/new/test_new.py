@@ -959,3 +959,25 @@ def test_a_title_that_speaks_of_a_compensation_asks_whether_it_was_on(
     abouts = [question["about"] for question in asked(tmp_path, capsys)]
     assert ("measurements.readings.active" in abouts) == asks
     assert ("\nactive = []" in job.read_text()) != asks
+
+
+@pytest.mark.parametrize(("up", "down"), [("1", "2"), ("2", "1"), ("0", "1")])
+def test_the_number_of_a_direction_that_the_rows_follow_is_offered_first(
+    tmp_path: Path, up: str, down: str
+) -> None:
+    places = [0, 100, 200, 300]
+    rows = [f"{x},{up},1" for x in places] + [f"{x},{down},3" for x in places[::-1]]
+    job = new(tmp_path, "\n".join(["x,dir,error [um]", *rows, *rows]) + "\n")
+    ways = re.findall(r'positive = "(.)"', job.read_text())
+    assert ways == [up, down]
+
+
+def test_columns_of_which_nobody_says_the_run_are_told_to_be_stated_together(
+    tmp_path: Path,
+) -> None:
+    head = "Position X [mm],rechts 1 [um],links 1 [um],rechts 2 [um],links 2 [um]"
+    rows = [
+        f"{x},{x / 99},{3 - x / 99},{x / 90},{3 - x / 90}" for x in range(0, 400, 50)
+    ]
+    job = new(tmp_path, "\n".join([head, *rows]) + "\n")
+    assert "Columns of runs are stated" in job.read_text().replace("\n# ", " ")
