@@ -1,5 +1,7 @@
 """Probe lists: clean, gentle, and such that each open rule shows."""
 
+import dataclasses
+import itertools
 import json
 from pathlib import Path
 
@@ -7,6 +9,7 @@ import numpy as np
 import pytest
 
 from axcomp.data.lists import ListFile, check
+from axcomp.data.measurements import read_log
 from axcomp.ident.cli import main
 from axcomp.ident.diagnosis import (
     Probe,
@@ -28,6 +31,7 @@ from axcomp.ident.exchange import (
     offset_at,
     simulate,
 )
+from axcomp.ident.proof import verify_log
 from axcomp.models import AbstractLookup, Conventions
 
 from .nc_machine import KEYWORDS, Machine
@@ -250,6 +254,10 @@ def test_program_names_axes_of_the_job_once_and_leaves_all_as_it_was() -> None:
     machine = Machine(words, every, set(before))
     machine.run(probe_programs(PROBE)["probe.nc"])
     assert machine.active == before
+    # What is probed is on all the time from the start of the log to its end.
+    probed = {(step.axis, step.keyword) for step in probe_steps(PROBE)}
+    assert probed <= machine.at_halts[1]
+    assert machine.at_halts[1] == machine.at_halts[2]
     assert {word for _, word, _ in machine.switched} == {
         s.axis for s in probe_steps(PROBE)
     }
@@ -290,9 +298,9 @@ def test_each_channel_has_a_program_that_names_its_own_axes_only() -> None:
         machine = Machine({word}, {(word, each) for each in KEYWORDS}, set())
         machine.run(programs.pop(name))
         assert {each for _, each, _ in machine.switched} == {word}
-        # It waits once before it moves. The master of Y belongs to the other channel: a person
-        # leads it, there and back.
-        assert machine.halts == 1 + (3 if word == "Y" else 0)
+        # It waits before it moves, and before and behind the log. The master of Y belongs to the
+        # other channel: a person leads it, there and back, for the gauge and for the log.
+        assert machine.halts == 3 + (6 if word == "Y" else 0)
     assert not programs
 
 
@@ -394,3 +402,51 @@ def test_axes_of_a_gantry_are_moved_and_switched_together() -> None:
     assert any("Y[COMP ON LEAD] V[COMP ON LEAD]" in block for block in blocks)
     assert any("Y[COMP OFF_ALL] V[COMP OFF_ALL]" in block for block in blocks)
     assert "Y and V: always both axes of a gantry together" in probe_text(probe)
+
+
+@dataclasses.dataclass
+class Logger(Machine):
+    """A machine that keeps where it goes, by the halt before."""
+
+    way: list[tuple[int, dict[str, float]]] = dataclasses.field(default_factory=list)
+
+    def _move(self, block: str) -> None:
+        super()._move(block)
+        self.way.append((self.halts, dict(self.position)))
+
+
+def test_a_log_of_the_second_part_of_the_program_settles_the_signs(
+    tmp_path: Path,
+) -> None:
+    probed = [Probed(1, "leadscrew", (1,)), Probed(2, "cross", (1,)),
+              Probed(3, "plane", (1, 2))]  # fmt: skip
+    probe = make_probe({n: AXES[n] for n in (1, 2, 3)}, probed, RULES)
+    words = {"X", "Y", "Z"}
+    machine = Logger(words, {(w, k) for w in words for k in KEYWORDS}, set())
+    machine.run(probe_programs(probe)["probe.nc"])
+    stops = [
+        [place.get(word, 0.0) for word in ("X", "Y", "Z")]
+        for halts, place in machine.way
+        if halts == 2
+    ]
+    way = np.concatenate(
+        [np.linspace(a, b, 201)[1:] for a, b in itertools.pairwise(stops)]
+    )
+    places = {number: way[:, number - 1] for number in (1, 2, 3)}
+    time = 0.02 * np.arange(len(way))
+    columns = {"time": time}
+    columns |= {f"A{number}.position": place for number, place in places.items()}
+    lists = tuple(read_back(probe))
+    rules = Conventions(leadscrew_sign=1, cross_sign=-1)
+    for one in simulate(lists, Motion(places, {}, time), Reading(rules)):
+        columns[f"A{one.axis}.drive_position"] = places[one.axis] + sum(
+            one.parts.values()
+        )
+        columns |= {f"A{one.axis}.{name}": part for name, part in one.parts.items()}
+    file = tmp_path / "log.csv"
+    np.savetxt(file, np.stack([*columns.values()], axis=1), fmt="%.7f", delimiter=",",
+               header=",".join(columns), comments="")  # fmt: skip
+    found = verify_log(lists, read_log(file), Reading(RULES))
+    assert {"leadscrew_sign", "cross_sign"} <= found.settled
+    assert found.conventions.leadscrew_sign == 1
+    assert found.conventions.cross_sign == -1

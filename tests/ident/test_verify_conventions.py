@@ -1,6 +1,7 @@
 """Verify settles the conventions that a log can tell: axes that lag behind commands."""
 
 import itertools
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -161,3 +162,58 @@ def test_a_plateau_is_not_taken_for_one_elsewhere_where_the_indices_are_exchange
     # Where both intervals are the same it may as well be the masters that are exchanged.
     assert ("plane_index" in found.settled) == (step == 40.0)
     assert step == 50.0 or found.conventions.plane_index == "ij"
+
+
+def listed(axis: int) -> ListFile:
+    """Return a leadscrew table of an axis."""
+    return listing(
+        f"achskw{axis}.lis", f"kopf.achs_nr {axis}", "kw.ssfk.unit 1",
+        "kw.ssfk.interval 600000", "kw.ssfk.kw_startpos 0", "kw.ssfk.kw_nr_max 6",
+        *(f"kw.ssfk.table[{k}].pos {value}"
+          for k, value in enumerate([0, 300, -200, 250, -100, 150])),
+    )  # fmt: skip
+
+
+def driven(folder: Path, lists: Sequence[ListFile], *signs: int) -> Verification:
+    """Return what is found where the axes add their tables with a sign each."""
+    motion = Motion(COMMAND, {}, TIME)
+    columns = {"time": TIME}
+    for axis, place in COMMAND.items():
+        columns[f"A{axis}.position"] = columns[f"A{axis}.drive_position"] = place
+    for one, sign in zip(
+        simulate(lists, motion, Reading(Conventions())), signs, strict=True
+    ):
+        added = sign * sum(one.parts.values())
+        columns[f"A{one.axis}.drive_position"] = COMMAND[one.axis] + added
+    file = folder / "log.csv"
+    np.savetxt(
+        file, np.stack(list(columns.values()), axis=1), fmt="%.9f", delimiter=",",
+        header=",".join(columns), comments="",
+    )  # fmt: skip
+    return verify_log(lists, read_log(file), Reading(Conventions()))
+
+
+def test_a_sign_in_which_the_axes_contradict_each_other_is_not_settled(
+    tmp_path: Path,
+) -> None:
+    found = driven(tmp_path, (listed(1), listed(2)), 1, -1)
+    assert "leadscrew_sign" not in found.settled
+    assert found.conventions.leadscrew_sign == Conventions().leadscrew_sign
+    (words,) = (each for each in found.remarks if "contradict each other" in each)
+    assert "leadscrew_sign = -1 on A1 but 1 on A2" in words
+    alike = driven(tmp_path, (listed(1), listed(2)), -1, -1)
+    assert alike.conventions.leadscrew_sign == 1
+    assert "leadscrew_sign" in alike.settled
+
+
+def test_a_friction_list_is_no_part_of_the_position_at_the_drive(
+    tmp_path: Path,
+) -> None:
+    friction = listing(
+        "achskw1.lis", "kopf.achs_nr 1", "frict_comp.mode 3", "frict_comp.table_entries 2",
+        "frict_comp.scaling_factor 1000", "frict_comp.table[0].in 1",
+        "frict_comp.table[0].out 34", "frict_comp.table[1].in 200000",
+        "frict_comp.table[1].out 40",
+    )  # fmt: skip
+    found = driven(tmp_path, (friction, listed(2)), 1, 1)
+    assert {(each.axis, each.agrees) for each in found.verdicts} == {(2, True)}

@@ -9,6 +9,7 @@ from ._probe import Outcome, Probe, ProbeAxis, Probed, number_text, places_text
 
 _FEED = 1000
 """mm/min."""
+_LOG = "M00 ; Start the log of positions and offsets here."
 _BEGIN = "M00 ; Is all of that so, and the way free? Next: motion."
 
 
@@ -147,8 +148,8 @@ def probe_text(probe: Probe) -> str:
         lines.append("")
     lines += [*probe.remarks, *[""] * bool(probe.remarks)]
     lines += [
-        "With a log of all positions and these values: axcomp verify LISTS --log LOG.csv"
-        " --save MACHINE.conventions.toml",
+        "With a log of all positions and these values while all are on (the second part of the"
+        " program): axcomp verify LISTS --log LOG.csv --save MACHINE.conventions.toml",
         "A drive may count the other way round: where the log has drive_position, move each"
         " compensated axis once by a few mm while it runs, the gauge away.",
         "Afterwards load the lists that you kept.",
@@ -160,8 +161,9 @@ def probe_text(probe: Probe) -> str:
 def probe_programs(probe: Probe) -> dict[str, str]:
     """Return the NC programs that go through all of it, one per channel, by file name.
 
-    They rest for a second at each place. At their end every compensation is on or off as it
-    was before.
+    They rest for a second at each place. First each compensation is switched on at its place,
+    for a gauge; then all are on over the same ways, for a log, which tells only what is on all
+    the time. At their end every compensation is on or off as it was before.
     """
     steps = probe_steps(probe)
     channels = sorted({step.channel for step in steps})
@@ -187,6 +189,12 @@ def _program(steps: Sequence[ProbeStep]) -> str:
         if not before:
             blocks += [on, rest]
         blocks += [*_way(way, step, step.start), rest]
+    blocks += ["; All on, for the log", *dict.fromkeys(step.on for step in steps), _LOG]
+    for step in steps:
+        way = "G00" if step.moving else "G01"
+        for mode, places in (("G01", step.start), (way, step.end), (way, step.start)):
+            blocks += [*_way(mode, step, places), "G04 1"]
+    blocks += ["M00 ; Stop the log."]
     words = dict.fromkeys(word for step in steps for word in step.both)
     states = [CompState(word, facts.keyword) for word in words for facts in kinds()]
     after = [
@@ -199,7 +207,7 @@ def _program(steps: Sequence[ProbeStep]) -> str:
     kept = (state.keep for state in states)
     return numbered(
         [
-            "; Probe: log positions and offsets while this runs. Check the way first.",
+            "; Probe: first for a gauge, then for a log. Check the way first.",
             "; It goes to positions of the axes in mm or degrees: G71, no zero offset, no tool",
             "; offset, no transformation. Probe lists loaded, all axes referenced, drives on.",
             *declared(states),

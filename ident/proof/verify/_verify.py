@@ -201,6 +201,8 @@ def _sums(
     ]
     # A current is no position.
     parts = {k: c for k, c in parts.items() if not c.one.kind.adds_current}
+    if not parts:
+        return []
     unknown = [name for name in parts if (axis, name) not in logged]
     if drive is None:
         if not (sums and unknown):
@@ -306,6 +308,7 @@ def _summary(
 ) -> Verification:
     values = conventions.to_dict()
     sure_of: dict[str, bool] = {}
+    seen: dict[str, dict[int | str, list[int]]] = {}
     for verdict in verdicts:
         for name, value in verdict.settled.items():
             sure = name not in verdict.doubtful
@@ -315,6 +318,19 @@ def _summary(
             if sure or name not in sure_of:
                 values[name] = value
             sure_of[name] = sure_of.get(name, False) or sure
+            if sure:
+                seen.setdefault(name, {}).setdefault(value, []).append(verdict.axis)
+    for name, ways in seen.items():
+        if len(ways) > 1:
+            # One file holds for all axes: no value of it would be right for each.
+            values[name], sure_of[name] = conventions.to_dict()[name], False
+            words = " but ".join(
+                f"{value} on {', '.join(f'A{axis}' for axis in axes)}"
+                for value, axes in ways.items()
+            )
+            remarks.append(
+                f"The axes contradict each other: {name} = {words}. It is not settled."
+            )
     judged = {(verdict.axis, verdict.compensation) for verdict in verdicts}
     every = [(axis, name) for axis, parts in channels.items() for name in parts]
     missing = [f"A{axis}.{name}" for axis, name in every if (axis, name) not in judged]
