@@ -83,6 +83,8 @@ def logged(folder: Path, used: ListFile, **conventions: object) -> Verification:
     for one in simulate((used,), motion, Reading(rules)):
         for name, values in one.parts.items():
             columns[f"A{one.axis}.{name}"] = values + 1e-4 * rng.normal(size=ROWS)
+        if one.current is not None:
+            columns[f"A{one.axis}.friction"] = one.current
     file = folder / "log.csv"
     np.savetxt(
         file, np.stack(list(columns.values()), axis=1), fmt="%.9f", delimiter=",",
@@ -164,6 +166,14 @@ def test_a_plateau_is_not_taken_for_one_elsewhere_where_the_indices_are_exchange
     assert step == 50.0 or found.conventions.plane_index == "ij"
 
 
+FRICTION = listing(
+    "achskw1.lis", "kopf.achs_nr 1", "frict_comp.mode 3", "frict_comp.table_entries 2",
+    "frict_comp.scaling_factor 1000", "frict_comp.table[0].in 1",
+    "frict_comp.table[0].out 34", "frict_comp.table[1].in 200000",
+    "frict_comp.table[1].out 40",
+)  # fmt: skip
+
+
 def listed(axis: int) -> ListFile:
     """Return a leadscrew table of an axis."""
     return listing(
@@ -209,11 +219,11 @@ def test_a_sign_in_which_the_axes_contradict_each_other_is_not_settled(
 def test_a_friction_list_is_no_part_of_the_position_at_the_drive(
     tmp_path: Path,
 ) -> None:
-    friction = listing(
-        "achskw1.lis", "kopf.achs_nr 1", "frict_comp.mode 3", "frict_comp.table_entries 2",
-        "frict_comp.scaling_factor 1000", "frict_comp.table[0].in 1",
-        "frict_comp.table[0].out 34", "frict_comp.table[1].in 200000",
-        "frict_comp.table[1].out 40",
-    )  # fmt: skip
-    found = driven(tmp_path, (friction, listed(2)), 1, 1)
+    found = driven(tmp_path, (FRICTION, listed(2)), 1, 1)
     assert {(each.axis, each.agrees) for each in found.verdicts} == {(2, True)}
+
+
+def test_a_log_of_a_current_says_what_tells_its_sign(tmp_path: Path) -> None:
+    remarks = " ".join(logged(tmp_path, FRICTION).remarks)
+    assert "write friction_sign with its present value under [verified]" in remarks
+    assert "drive_position" not in remarks

@@ -336,7 +336,16 @@ def _summary(
     missing = [f"A{axis}.{name}" for axis, name in every if (axis, name) not in judged]
     if missing:
         remarks.append(f"Not in this log: {', '.join(missing)}.")
-    blind = sorted({verdict.axis for verdict in verdicts} - driven)
+    currents = {kind.name for kind in kinds() if kind.adds_current}
+    lengths = {each.axis for each in verdicts if each.compensation not in currents}
+    blind = sorted(lengths - driven)
+    if any(each.compensation in currents for each in verdicts):
+        remarks.append(
+            "No log of a current tells whether the drive adds it with the right sign. Where it"
+            " does, what the controller itself asks for falls with the list on: then write"
+            " friction_sign with its present value under [verified] into the conventions file of"
+            " the machine."
+        )
     if blind:
         axes = ", ".join(f"A{axis}" for axis in blind)
         remarks.append(
