@@ -13,6 +13,10 @@ _LOOKED_AT, _PARTS = 3_000, 10
 _BY_PLACE, _BY_TIME, _VARIES = 0.05, 0.1, 0.15
 """Shares of the friction from which on is told: a load that changes with the position, friction
 that changes over the recording, and both that are not the same everywhere or all the time."""
+_LATE, _SHIFTS, _BETTER, _STRETCH = 0.05, 20, 0.95, 30_000
+"""Seconds by which a current may be late or early, how many are tried each way, and what it must
+leave of the variance of how many readings: behind each reversal all friction is missing, and
+twice."""
 _SURE = 3.0
 """Standard deviations from which on a change is one."""
 
@@ -33,7 +37,11 @@ def changes(
         friction: The law: current over velocity.
         unit: Of the current.
     """
+    late = _late(samples, friction)
+    way = np.sign(samples.velocity) * samples.in_motion
+    starts = np.flatnonzero(np.diff(way, prepend=0.0) != 0.0)
     rows = np.flatnonzero(samples.in_motion)
+    rows = rows[(rows + late >= 0) & (rows + late < len(samples.time))]
     rows = rows[:: -(-len(rows) // _LOOKED_AT)]
     speed, time = samples.velocity[rows], np.arange(1, len(rows) + 1) / len(rows)
     law, low, travel = friction(speed), 0.0, 0.0
@@ -43,12 +51,15 @@ def changes(
         low, travel = float(place.min()), float(np.ptp(place))
         share = (place - low) / max(travel, 1e-9)
         columns += [share, share**2, law * share, law * share**2]
+    # A filter of the current takes friction away behind a start, whatever comes late.
+    began = samples.time[starts[np.searchsorted(starts, rows, "right") - 1]]
+    columns.append(law * (samples.time[rows] - began < _LATE))
     # Where the far places were passed fast alone, the law has taken them for the speed: what
     # a speed shows beside it stands in columns of its own.
     columns += [law, np.sign(speed), speed]
     if samples.acceleration is not None:
         columns.append(samples.acceleration[rows])
-    design, current = np.stack(columns, axis=1), samples.current[rows]
+    design, current = np.stack(columns, axis=1), samples.current[rows + late]
     part = np.arange(len(rows)) * _PARTS // len(rows)
     others = [part != number for number in range(_PARTS)]
     factors = np.array([np.linalg.lstsq(design[o], current[o])[0] for o in others])
@@ -93,3 +104,22 @@ def changes(
             " a workpiece, a clamp or a counterweight does: that is no friction, and the"
             " law holds a part of it. Record with one load."
         )
+
+
+def _late(
+    samples: DriveSamples,
+    friction: Callable[[Float[np.ndarray, " t"]], Float[np.ndarray, " t"]],
+) -> int:
+    """Return by how many samples the current comes later than the motion that it is of."""
+    # Few readings stand behind a reversal: those of one stretch, and not one in so many.
+    rows = np.flatnonzero(samples.in_motion)[:_STRETCH]
+    law, most = friction(samples.velocity[rows]), round(_LATE / samples.cycle)
+    step = max(1, most // _SHIFTS)
+    kept = (rows >= most) & (rows < len(samples.time) - most)
+    left = {
+        shift: float(np.var(samples.current[rows[kept] + shift] - law[kept]))
+        for shift in range(-(most // step) * step, most + 1, step)
+        if kept.any()
+    }
+    best = min(left, key=lambda shift: left[shift], default=0)
+    return best if left and left[best] < _BETTER * left[0] else 0

@@ -38,6 +38,8 @@ _MOST_DELAY = 0.001
 """mm: P-COMP-00043 goes no further."""
 _SURE = 3.0
 """Standard deviations from which on an inertia or a load is one."""
+_COARSE = 0.05
+"""Share of the friction by which entries may miss the law before it is said."""
 
 
 def plan(tables: Tables, index: int, fit: Spec) -> "FrictionPlan":
@@ -263,6 +265,15 @@ class FrictionDraft(AbstractDraft):
             yield Remark.warning(
                 f"The two directions differ by {share:.0%} of the friction on"
                 " average. A list knows no direction: it gives the mean of both."
+            )
+        misfit = knots.current(curve.speed) - self.level * curve.mean
+        missed = float(np.sqrt(curve.weight @ np.square(misfit)))
+        size = float(np.sqrt(curve.weight @ np.square(curve.mean)))
+        if _COARSE * size < missed < knots.unit:
+            unit = self.recording.unit
+            yield Remark.warning(
+                f"The list misses the law by {missed:.3g} {unit} rms: one unit of its entries"
+                f" is {knots.unit:.3g} {unit}. What it leaves is the error from file."
             )
         below = curve.speed[self.level * curve.mean < -knots.unit]
         if len(below):

@@ -249,6 +249,32 @@ def test_friction_that_changes_while_it_is_recorded_is_told(
     assert not told or re.search(r"falls by (2\d|3\d)%", told[0])
 
 
+def test_a_current_that_comes_late_is_no_friction_that_changes(tmp_path: Path) -> None:
+    # Fast ramps, slow speeds first.
+    turn = np.clip(6.0 * np.sin(2.0 * np.pi * np.arange(400) / 400.0), -1.0, 1.0)
+    speeds = np.repeat([1.0, 2.0, 4.0, 8.0, 16.0, 40.0, 100.0], 3)
+    record(tmp_path, velocity=np.concatenate([v * turn for v in speeds]))
+    path = tmp_path / "trace.csv"
+    table = np.loadtxt(path, delimiter=",", skiprows=1)
+    table[8:, 2] = table[:-8, 2]
+    np.savetxt(path, table, "%.7f", ",", header="t,x,i", comments="")
+    said = " ".join(remark.message for remark in friction(run(tmp_path)).remarks)
+    assert "over the recording, as it does" not in said
+    assert "larger about" not in said
+
+
+def test_entries_too_coarse_for_the_law_are_told(tmp_path: Path) -> None:
+    record(tmp_path)
+    job = tmp_path / "job.toml"
+    fine = friction(run(tmp_path)).remarks
+    assert not any("misses the law" in each.message for each in fine)
+    text = friction_job(FULL)
+    assert "torque_unit = 0.001" in text
+    job.write_text(text.replace("torque_unit = 0.001", "torque_unit = 0.1"))
+    coarse = friction(run_job(job, tmp_path / "out")).remarks
+    assert any("one unit of its entries" in each.message for each in coarse)
+
+
 @pytest.mark.parametrize("kind", ["step", "place", "none"])
 def test_a_load_that_steps_and_friction_of_the_place_are_told(
     tmp_path: Path, kind: str
