@@ -12,7 +12,7 @@ in any unit.
   moving axis; `standing`: where it does not move.
 * `find_polarity`, `find_saturation`, `without_spikes`, `examine`: what a recording of a
   current is worth.
-* `strokes_alike`: whether accelerations stand at one place each.
+* `signs_at_one_place`: how many signs of an acceleration stand at one place each.
 * `wild_readings`: those far from all others.
 * `median`, `quantile`: NumPy's for one array, faster.
 """
@@ -68,5 +68,5 @@ from ._noise import (
     resolution as resolution,
 )
 from ._order import median as median, quantile as quantile
-from ._strokes import strokes_alike as strokes_alike
+from ._strokes import signs_at_one_place as signs_at_one_place
 from ._wild import MOST_WILD as MOST_WILD, wild_readings as wild_readings

@@ -1,4 +1,4 @@
-"""Motion of strokes: whether they are all alike."""
+"""Motion of strokes: whether they are all alike, or begin at one place."""
 
 import numpy as np
 from jaxtyping import Float
@@ -7,21 +7,23 @@ _TIED = 0.1
 """Share of a travel within which accelerations stand at one place."""
 
 
-def strokes_alike(
+def signs_at_one_place(
     push: Float[np.ndarray, " t"], place: Float[np.ndarray, " t"]
-) -> bool:
-    """Whether each sign of an acceleration stands at one place, as with strokes that are all alike.
+) -> int:
+    """Return how many signs of an acceleration stand at one place each, 0 to 2.
 
-    Then nothing tells a push that changes with the place from an error that does.
+    Both, where all strokes are alike: then nothing tells a push that changes with the place from
+    an error that does. One, where strokes of different lengths begin at one place.
 
     Args:
         push: Acceleration in mm/s².
         place: Of any axis, in mm or °.
     """
     known = np.isfinite(push) & np.isfinite(place)
-    spreads = []
+    limit, count = (_TIED * np.ptp(place[known])) ** 2, 0
     for sign in (1.0, -1.0):
         weight = np.square(np.maximum(sign * push[known], 0.0))
         weight /= max(float(weight.sum()), 1e-300)
-        spreads.append(weight @ np.square(place[known] - weight @ place[known]))
-    return bool(np.sqrt(max(spreads)) < _TIED * np.ptp(place[known]))
+        spread = weight @ np.square(place[known] - weight @ place[known])
+        count += int(spread < limit)
+    return count

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ...data.signals import strokes_alike
+from ...data.signals import signs_at_one_place
 from ._data import Observed, Rejected
 from ._terms import CHANNELS, HEAT, Kind, Term
 
@@ -259,8 +259,9 @@ def _lacking(view: AxisView, term: Term) -> str:
             return f"{subject} was read at one {channel} only"
     if term.kind is Kind.PUSH_PLACE:
         mover, place = term.masters
-        if strokes_alike(view.data.acceleration[mover], view.data.position[place]):
-            return f"{mover} always speeds up at one position of {place}, and slows down at one"
+        push = view.data.acceleration[mover]
+        if signs_at_one_place(push, view.data.position[place]):
+            return f"{mover} always accelerates one way at one position of {place}"
     return ""
 
 
@@ -285,7 +286,9 @@ def late_terms(
         return
     adapted = [term.masters[0] for term in chosen if term.kind is Kind.PUSH_PLACE]
     for master in dict.fromkeys(adapted):
-        for pair in itertools.combinations(view.span, 2):
+        along = [Term(Kind.PUSH_PLACE, axis, (master, place)) for place in view.span]
+        places = [term.masters[1] for term in along if not _lacking(view, term)]
+        for pair in itertools.combinations(places, 2):
             yield Term(Kind.PUSH_PLACES, axis, (master, *pair))
     if axis in view.span:
         yield Term(Kind.GROWTH, axis)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float
 
-from ...data.signals import strokes_alike
+from ...data.signals import signs_at_one_place
 from ..discover import Observed
 from ..job import Job, Trend, nodes_for, trend_through
 from ..readings import Observation, without_zero
@@ -183,7 +183,7 @@ def _of_push(
     adapted = {
         place: _share(data, axis, rows, push, push * data.position[place])
         for place in moved
-        if not strokes_alike(push[rows], data.position[place][rows])
+        if not signs_at_one_place(push[rows], data.position[place][rows])
     }
     place = max(adapted, key=lambda each: adapted[each], default=master)
     if adapted.get(place, 0.0) - alike > _ADAPTED * (1.0 - alike):

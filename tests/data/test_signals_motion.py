@@ -16,8 +16,8 @@ from axcomp.data.signals import (
     noise_of,
     read_clock,
     resolution,
+    signs_at_one_place,
     smoothed_motion,
-    strokes_alike,
     zero_phase,
 )
 
@@ -232,12 +232,15 @@ def test_a_long_record_takes_seconds() -> None:
     assert stopwatch.perf_counter() - begun < 10.0
 
 
-@pytest.mark.parametrize("alike", [True, False])
-def test_strokes_that_begin_and_end_at_the_same_places_are_alike(alike: bool) -> None:
+@pytest.mark.parametrize(("starts", "ends", "signs"), [(0, 0, 2), (0, 1, 1), (1, 1, 0)])
+def test_signs_of_an_acceleration_at_one_place_are_counted(
+    starts: int, ends: int, signs: int
+) -> None:
     rng = np.random.default_rng(19)
     step, parts, place = 0.004, [], 0.0
     for k in range(40):
-        end = 200.0 * ((k + 1) % 2) if alike else rng.uniform(0.0, 200.0)
+        middle, free = ((200.0, ends), (0.0, starts))[k % 2]
+        end = middle + free * rng.uniform(-100.0, 100.0)
         count = 120
         phase = (np.arange(count) + 0.5) / count
         parts.append(place + (end - place) * (0.5 - 0.5 * np.cos(np.pi * phase)))
@@ -246,4 +249,4 @@ def test_strokes_that_begin_and_end_at_the_same_places_are_alike(alike: bool) ->
     x = np.concatenate(parts)
     # Hard near the ends of its strokes: cubes of what the cosine does.
     a = np.gradient(np.gradient(x, step), step) ** 3
-    assert strokes_alike(a, x) is alike
+    assert signs_at_one_place(a, x) == signs

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, final
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ....data.signals import strokes_alike
+from ....data.signals import signs_at_one_place
 from ....models import Crosstalk
 from ...job.result._result import AbstractResult, Remark
 from ...proof import GateCheck
@@ -153,7 +153,7 @@ def remarks_of(draft: "CrosstalkDraft", gate: Sequence[GateCheck]) -> Iterator[R
     log = draft.log
     speed = np.nan_to_num(log.velocity[master])
     gone = np.cumsum(speed * np.gradient(log.clock_for(draft.fit.name)))
-    if strokes_alike(log.acceleration[master], gone):
+    if signs_at_one_place(log.acceleration[master], gone) == 2:
         yield Remark.warning(
             f"All strokes of {master} begin and end at the same places: what else the error of"
             f" {draft.axis} does there, over the position of {master} or at its reversals, counts"

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from axcomp.data.signals import filtered_motion
 from axcomp.ident.cli import main
 from axcomp.ident.discover import DiscoverError, Discovery, Observed, discover
 from axcomp.ident.job import run_job
@@ -283,6 +284,31 @@ def test_strokes_that_are_all_alike_adapt_no_crosstalk_to_their_own_place(
     keys = {one.compensation: one.keys for one in found.found}
     # The strokes begin and end at the same places: place and sign are one and the same.
     assert keys["crosstalk"] == {"master": "X", "mode": 1}
+
+
+def test_strokes_from_one_place_adapt_no_crosstalk_to_where_they_end(
+    virtual: ModuleType,
+) -> None:
+    step, lengths = 0.002, [40, 50, 60, 70]
+    stroke = np.array([1.0, 0.0, -1.0, 0.0, -1.0, 0.0, 1.0, 0.0]) * 3000.0
+    a = np.tile(np.concatenate([np.repeat(stroke, n) for n in lengths]), 6)
+    v = step * np.cumsum(a)
+    x = 200.0 + step * np.cumsum(v)
+    a, v, x = np.tile(a, 2), np.tile(v, 2), np.tile(x, 2)
+    rest, w = np.zeros_like(a), np.repeat([50.0, 350.0], len(a) // 2)
+    motion = virtual.Motion(
+        step * np.arange(len(a)),
+        {"X": x, "Y": rest, "Z": w},
+        {"X": v, "Y": rest, "Z": rest},
+        {"X": filtered_motion(step * np.arange(len(a)), x).acceleration},
+        {"X": virtual.held_sign(v)},
+        {},
+    )
+    pushed = a / 3000.0 * (8e-3 + 4e-5 * w)
+    recorded = virtual.observe(motion, {"Y": [lambda m: pushed]}, 1, 3e-4, 0.0, 0.0)
+    (found,) = discover(recorded, ("X", "Y", "Z")).found
+    # X always accelerates forward at 200 mm: nothing shows what it does there elsewhere.
+    assert (found.keys["mode"], found.keys["adaptation"]) == (2, "Z")
 
 
 def test_masters_that_moved_together_are_said_and_not_guessed(
