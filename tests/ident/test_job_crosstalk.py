@@ -212,6 +212,31 @@ def test_events_held_out_and_the_file_read_back_prove_it(tmp_path: Path) -> None
     assert found.coverage > 0.9
 
 
+@pytest.mark.parametrize(
+    ("along", "places", "mode", "words"),
+    [
+        (True, (50.0, 350.0), 2, None),
+        (False, (), 1, "do not show that the error of Z changes.* mode = 2 in the job"),
+        (True, (50.0,), 1, "it stood at one place while X accelerated"),
+    ],
+)
+def test_a_stated_adaptation_is_used_or_said_why_not(
+    tmp_path: Path,
+    along: bool,
+    places: tuple[float, ...],
+    mode: int,
+    words: str | None,
+) -> None:
+    log(tmp_path, moves=24, along=along, places=places)
+    found = run(tmp_path, keys='adaptation = "Y"')
+    assert found.fit.effect.mode == mode
+    said = [r.message for r in found.remarks if r.message.startswith("Not adapted")]
+    assert len(said) == (words is not None)
+    assert words is None or re.search(words, said[0])
+    # Events scatter by 0.2 µm; without the adaptation 3 µm are left of two places.
+    assert found.error["predicted"].rms < 5e-4
+
+
 def test_motion_of_the_master_is_derived_where_only_its_position_is_there(
     tmp_path: Path,
 ) -> None:

@@ -13,6 +13,7 @@ from ...job.result._result import AbstractResult, Remark
 from ...proof import GateCheck
 from . import BRANCHES
 from ._events import count_cut, without_level
+from ._tests import LEAST_SPAN
 from .effect import CrosstalkFit
 
 if TYPE_CHECKING:
@@ -137,6 +138,7 @@ def remarks_of(draft: "CrosstalkDraft", gate: Sequence[GateCheck]) -> Iterator[R
     """Return everything that the report has to say of a fit."""
     yield from draft.remarks
     yield from _of_the_events(draft)
+    yield from _of_the_adaptation(draft)
     yield from _of_missing_tests(draft.found)
     master = draft.fit.master
     if any(check.name == "from_file" and not check.passed for check in gate):
@@ -241,6 +243,25 @@ def _of_the_events(draft: "CrosstalkDraft") -> Iterator[Remark]:
             " mm/s²). Above it the controller is taken to hold the correction (S-36):"
             f" state the largest one as acceleration and deceleration in the job{measured}."
         )
+
+
+def _of_the_adaptation(draft: "CrosstalkDraft") -> Iterator[Remark]:
+    """Return why the list does not depend on an axis that the job states."""
+    fit, rows = draft.fit, draft.found.events.start
+    for name in fit.adapts_to if fit.mode == "auto" else ():
+        if name in draft.masters:
+            continue
+        if np.ptp(draft.log.position[name][rows]) > LEAST_SPAN:
+            yield Remark.info(
+                f"Not adapted to {name}: the events do not show that the error of {draft.axis}"
+                f" changes with its position. mode = {1 + len(fit.adapts_to)} in the job adapts"
+                " it all the same."
+            )
+        else:
+            yield Remark.warning(
+                f"Not adapted to {name}: it stood at one place while {fit.master} accelerated, and"
+                f" the list adds the same at all others. Measure at several places of {name}."
+            )
 
 
 def _of_missing_tests(fit: CrosstalkFit) -> Iterator[Remark]:

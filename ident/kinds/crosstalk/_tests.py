@@ -12,10 +12,10 @@ from ._events import Events
 
 _CELLS, _FOLDS = 8, 8
 _SAME_PLACE = 1e-3
-"""Share of the travel within which two events stand at one place."""
+"""Share of the travel within which events stand at one place."""
 _VISITS = 3
 """Events at each place, on average, from which on the axes come back to few places."""
-_LEAST_SPAN = 0.01
+LEAST_SPAN = 0.01
 """mm below which an axis stands still, whatever its positions scatter by."""
 TOUCHED = 1e-9
 """Weight of a test in an event from which on the event touches it."""
@@ -108,13 +108,14 @@ def choose_tests(
     """Return adaptation axes and places of tests that predict held-out events best.
 
     The fewest tests whose loss is not above the least by more than chance over the places.
-    They stand on a grid, evenly spaced over the events, the last axis fastest.
+    They stand on a grid, the last axis fastest: at the few places to which an axis comes back,
+    else evenly spaced over the events.
 
     Raises:
         FitError: If no choice can be fitted.
     """
     most = min(most, int(np.unique(group, return_counts=True)[1].min()))
-    candidates = _candidates(events.positions, modes, most)
+    candidates = _candidates(events.positions, group, modes, most)
     if not candidates:
         names = " or ".join(str(mode) for mode in modes)
         msg = (
@@ -149,24 +150,69 @@ def choose_tests(
 
 
 def _candidates(
-    positions: Float[np.ndarray, "n k"], modes: tuple[int, ...], most: int
+    positions: Float[np.ndarray, "n k"],
+    group: Int[np.ndarray, " n"],
+    modes: tuple[int, ...],
+    most: int,
 ) -> list[tuple[Axes, Nodes]]:
-    """Return axes and even nodes from the first to the last event along each, so many at most.
+    """Return axes and nodes from the first to the last event along each, so many at most.
 
     Over one axis at least three where the events bear them: one statement of the manuals has
     exactly three tests in mode 2 (S-37), which the check of lists warns of else.
     """
-    low, high = positions.min(axis=0), positions.max(axis=0)
-    moving = np.flatnonzero(high - low > _LEAST_SPAN).tolist()
+    stops = [_stops(column, group) for column in positions.T]
+    moving = np.flatnonzero(np.ptp(positions, axis=0) > LEAST_SPAN).tolist()
     candidates = []
     for axes in (a for mode in modes for a in itertools.combinations(moving, mode - 1)):
-        fewest = max(min(3, most), 2) if len(axes) == 1 else 2
-        for counts in itertools.product(range(fewest, most + 1), repeat=len(axes)):
+        fewest = 3 if len(axes) == 1 else 2
+        ends = [min(most, len(stops[axis]) or most) for axis in axes]
+        ranges = [range(max(min(fewest, end), 2), end + 1) for end in ends]
+        for counts in itertools.product(*ranges):
             if math.prod(counts) <= most:
-                ends = low[list(axes)], high[list(axes)], counts
-                lines = [np.linspace(*line) for line in zip(*ends, strict=True)]
-                candidates.append((axes, tuple(map(_rounded, lines))))
+                lines = [
+                    _line(stops[axis], positions[:, axis], count)
+                    for axis, count in zip(axes, counts, strict=True)
+                ]
+                candidates.append((axes, tuple(lines)))
     return candidates
+
+
+def _line(
+    stops: Float[np.ndarray, " s"], column: Float[np.ndarray, " n"], count: int
+) -> Float[np.ndarray, " _p"]:
+    """Return so many of the places at which an axis stood, or evenly spaced over its events."""
+    if stops.size:
+        return stops[np.round(np.linspace(0, len(stops) - 1, count)).astype(int)]
+    return _rounded(np.linspace(column.min(), column.max(), count))
+
+
+def _places(column: Float[np.ndarray, " n"]) -> Int[np.ndarray, " n"]:
+    """Return the number of the place along an axis at which each event stands, ascending."""
+    step = max(np.ptp(column) * _SAME_PLACE, LEAST_SPAN)
+    number, place, start = np.zeros(len(column), np.int64), -1, -np.inf
+    for event in np.argsort(column).tolist():
+        if column[event] - start > step:
+            place, start = place + 1, column[event]
+        number[event] = place
+    return number
+
+
+def _stops(
+    column: Float[np.ndarray, " n"], group: Int[np.ndarray, " n"]
+) -> Float[np.ndarray, " _s"]:
+    """Return the few places to which an axis comes back, to 0.01 mm; none of one that does not.
+
+    Only those at which events of every group took place, where there are two of these: a test
+    is written with all its values.
+    """
+    number = _places(column)
+    if (number.max() + 1) * _VISITS > len(column):
+        return np.zeros(0)
+    means = np.bincount(number, column) / np.bincount(number)
+    seen = np.zeros((len(means), int(group.max()) + 1), bool)
+    seen[number, group] = True
+    whole = seen.sum(axis=1) == len(np.unique(group))
+    return np.asarray(np.round(means[whole] if whole.sum() > 1 else means, 2))
 
 
 def _cells(positions: Float[np.ndarray, "n k"]) -> Int[np.ndarray, " n"]:
@@ -177,8 +223,7 @@ def _cells(positions: Float[np.ndarray, "n k"]) -> Int[np.ndarray, " n"]:
     """
     if not positions.shape[1]:
         return np.arange(len(positions)) % _FOLDS
-    steps = np.maximum(np.ptp(positions, axis=0) * _SAME_PLACE, _LEAST_SPAN)
-    places = np.unique(np.round(positions / steps), axis=0)
+    places = np.unique(np.stack([*map(_places, positions.T)], axis=1), axis=0)
     if len(places) * _VISITS <= len(positions):
         return np.arange(len(positions))
     parts = []

@@ -227,6 +227,37 @@ def test_an_axis_that_stands_still_is_none_to_adapt_to() -> None:
         fitted(dataclasses.replace(readings, position={"A": place}), mode=2)
 
 
+@pytest.mark.parametrize("places", [[50.0, 350.0], [20.0, 60.0, 350.0]])
+@pytest.mark.parametrize("mode", ["auto", 2])
+def test_tests_stand_where_the_adaptation_axis_stood(
+    places: list[float], mode: int | str
+) -> None:
+    stops = np.column_stack([np.zeros(len(places)), places])
+    readings = over(log(1, mode_2, at=stops), "B")
+    # What a drive shows at standstill, 1 µm.
+    scatter = 1e-3 * np.random.default_rng(0).normal(size=len(readings))
+    at = {"B": readings.position["B"] + scatter}
+    fit = fitted(dataclasses.replace(readings, position=at), mode=mode)
+    # The mean of 20 and more events of 20 readings each, to 0.01 mm.
+    np.testing.assert_array_equal(fit.effect.points[:, 0], places)
+    assert fit.complete.all()
+    truth = truth_at(mode_2, fit.effect.points, (1,))
+    # 30 events of 0.25 µm per value.
+    np.testing.assert_allclose(fit.values, truth, atol=4e-4)
+
+
+def test_no_test_stands_where_one_kind_of_event_never_took_place() -> None:
+    places = np.array([[0.0, 50.0], [0.0, 50.0], [0.0, 350.0], [0.0, 350.0]])
+    readings = over(log(1, mode_2, at=places), "B")
+    _, stop = cut_rows(readings)
+    # The first stroke begins at 200 mm; no other event does.
+    place = readings.position["B"].copy()
+    place[: int(stop[0]) + 5] = 200.0
+    fit = fitted(dataclasses.replace(readings, position={"B": place}), mode=2)
+    assert fit.effect.points[:, 0].tolist() == [50.0, 350.0]
+    assert fit.complete.all()
+
+
 def cut_rows(readings: JointData) -> tuple[np.ndarray, np.ndarray]:
     """Rows in which events begin and end."""
     events = cut_events(readings, FORM)
