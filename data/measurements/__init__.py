@@ -76,6 +76,7 @@ from ._measurement import (
     advice as advice,
     measurement as measurement,
     own_roles as own_roles,
+    turning_axes as turning_axes,
 )
 from ._mesh import PROBED_HEIGHTS as PROBED_HEIGHTS
 from ._moving import (

@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ._errors import UnitError
+from ._errors import MeasurementError, UnitError
 from ._roles import Role
 from ._table import BadCell, Column, Table
 from ._units import LIBRARY_UNIT, Unit, find_unit, unit as named_unit
@@ -24,6 +24,15 @@ def unit_of(
     what = f"{role} in column '{column.name}'"
     dimensions = _dimensions(role, angle=angle)
     recorded = find_unit(column.unit) if column.unit else None
+    given = find_unit(asked) if asked is not None else recorded
+    if given is not None and given.dimension.startswith("angular") and not angle:
+        reason = (
+            f"{what}: found {given.name}, as of a motor, expected a {role.kind} of {role.axis}, an"
+            " axis in mm: leave the column out, and it is derived from the position; or convert it"
+            f" by the mm that {role.axis} goes in a turn of the motor (rpm times mm is mm/min). Of"
+            ' an axis that turns, say type = "rotary"'
+        )
+        raise MeasurementError(source, reason)
     if asked is not None:
         unit = named_unit(asked, dimensions, source, what)
         if recorded is not None and not column.doubtful_unit and recorded != unit:

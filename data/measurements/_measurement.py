@@ -186,7 +186,7 @@ def measurement(
         masters: Axes that x and y of a mesh stand for; left out: as the file says.
         increments: mm or ° per encoder increment by axis, for the unit ``inc``.
         rotary: Axes whose positions are angles, all others being lengths. Left out:
-            angles where any unit of the axis says so.
+            as `turning_axes`.
         turns: mm or ° of a turn, of axes that go round: what a display shows within one turn
             goes on beyond it.
         ends: First and last position of axes that have two ends: what stays within a turn of
@@ -225,8 +225,7 @@ def measurement(
     if differs and not columns:
         remarks.append(f"The file is of axis {table.axis}, and is taken for {axis}.")
     stated = list(_stated_units(table, mapping))
-    angular = {axis for axis, _, unit in stated if unit.dimension.startswith("ang")}
-    angular = angular if rotary is None else set(rotary)
+    angular = turning_axes(table, mapping) if rotary is None else set(rotary)
     inches = {
         axis: text for axis, text, unit in stated if unit.name in ("in", "thou", "uin")
     }
@@ -500,6 +499,17 @@ def _stated_units(
         unit = find_unit(spec.unit or stated or "")
         if axis and unit is not None:
             yield axis, text, unit
+
+
+def turning_axes(table: Table, mapping: Mapping[str, ColumnSpec]) -> set[str]:
+    """Return the axes whose positions are angles, as far as units say.
+
+    The speed of a motor makes no angle of a position in mm.
+    """
+    stated = {(axis, unit.dimension) for axis, _, unit in _stated_units(table, mapping)}
+    turning = {axis for axis, dimension in stated if dimension.startswith("angular")}
+    turning -= {axis for axis, dimension in stated if dimension == "length"}
+    return turning | {axis for axis, dimension in stated if dimension == "angle"}
 
 
 def own_roles(

@@ -53,7 +53,7 @@ _INCHES = ("thou", "in")
 """Units among which the error asks beside positions in inches."""
 _UNSTATED_ANGLE = ("mdeg", "arcsec", "urad", "deg")
 """Units among which the error of a rotary axis asks."""
-_TURNING = ("A", "B", "C")
+ROTARY = ("A", "B", "C")
 """Names of rotary axes (ISO 841)."""
 _WITH_PLACE = PLACES | {"temperature", "current"}
 """Kinds beside which no column without a name is a position."""
@@ -165,7 +165,7 @@ class _File:
             axis
             for axis, column in places
             if dimension_of(column) == "angle"
-            or (column.unit is None and axis.startswith(_TURNING))
+            or (column.unit is None and axis.startswith(ROTARY))
         }
 
     def axis_of(self, each: Named) -> str:

@@ -26,11 +26,12 @@ from ...data.measurements import (
     passed_end,
     problems_of,
     read_table,
+    turning_axes,
 )
 from ..exchange import axis_number
 from ..job import Job, JobFile
 from ..readings import Observation, observe
-from ._columns import Meaning, meaning_of, own_roles
+from ._columns import ROTARY, Meaning, meaning_of, own_roles
 from ._fits import suggestions
 from ._names import PLACES, dimension_of
 from ._text import Question
@@ -38,6 +39,8 @@ from ._write import WHOLE_TURN, Axis, Contents, Source, relative, written
 
 _DAMAGED = 20
 """Lines that a file may lack and still be measured."""
+_OF_MOTORS = ("rpm", "rad/s")
+"""Units of a speed that drives know of their motor, and controllers of no axis."""
 _SHOWN = 12
 """Columns that a message names."""
 
@@ -122,10 +125,20 @@ def _source(name: str, file: Path, axes: Sequence[str]) -> Source:
         MeasurementError: If too many are damaged, or they cannot be left out.
     """
     table = read_table(file)
-    poor = [column for column in table.columns if _is_poor_sensor(column)]
+    poor = [
+        (
+            column,
+            f"no number in {np.count_nonzero(np.isnan(column.values))} of {table.rows} rows",
+        )
+        for column in table.columns
+        if _is_poor_sensor(column)
+    ]
     meaning = _meaning_without(table, poor, axes)
+    if spinning := _motor_rates(table, meaning):
+        poor += spinning
+        meaning = _meaning_without(table, poor, axes)
     used = {spec.column for spec in meaning.likeliest.values()}
-    left_out = {column.name for column in poor}
+    left_out = {column.name for column, _ in poor}
     # Which of their two words is + is asked for.
     left_out |= {
         table.column(s.column).name for s in meaning.likeliest.values() if s.positive
@@ -155,12 +168,47 @@ def _is_poor_sensor(column: Column) -> bool:
     return bool(np.count_nonzero(np.isnan(column.values)) > _DAMAGED)
 
 
+def _motor_rates(table: Table, meaning: Meaning) -> list[tuple[Column, str]]:
+    """Return columns with the speed of a motor, of axes in mm, and why they are not used.
+
+    Raises:
+        MeasurementError: If it is all that says whether an axis turns.
+    """
+    roles = meaning.likeliest or own_roles(table, meaning.axis)
+    turning, angles, found = turning_axes(table, roles), set[str](), []
+    rates: list[tuple[str, Column, Unit]] = []
+    for text, spec in roles.items():
+        role, unit = find_role(text), find_unit(spec.unit or "")
+        if role is None or role.axis is None or unit is None:
+            continue
+        if unit.dimension == "angle":
+            angles.add(role.axis)
+        elif unit.dimension.startswith("angular"):
+            rates.append((role.axis, table.column(spec.column), unit))
+    for axis, column, unit in rates:
+        if axis not in turning:
+            found.append(
+                (column, f"in {unit.name}, as of a motor, and {axis} is in mm")
+            )
+        elif axis not in {*angles, *ROTARY} and unit.name in _OF_MOTORS:
+            reason = (
+                f"column '{column.name}': found {unit.name}, as of a motor, and nothing of"
+                f" {axis} in mm or deg, expected its position with a unit ('Pos [mm]'), or the"
+                " speed in mm/min (rpm times the mm of a turn of the motor). An axis that"
+                " turns has the name of one: --axis C"
+            )
+            raise MeasurementError(str(table.path), reason)
+    return found
+
+
 def _meaning_without(
-    table: Table, poor: Sequence[Column], axes: Sequence[str]
+    table: Table, poor: Sequence[tuple[Column, str]], axes: Sequence[str]
 ) -> Meaning:
-    """Return what a file means but for some of its columns, which it says."""
+    """Return what a file means but for some of its columns, which it says with the reason."""
     kept = tuple(
-        column for column in table.columns if all(column is not each for each in poor)
+        column
+        for column in table.columns
+        if all(column is not each for each, _ in poor)
     )
     table = dataclasses.replace(table, columns=kept)
     meaning = meaning_of(table, axes)
@@ -170,11 +218,7 @@ def _meaning_without(
         # Left to itself the file would name those columns as well.
         columns = own_roles(table, meaning.axis)
         meaning = dataclasses.replace(meaning, axis=None, columns=columns)
-    words = [
-        f"{column.name} (no number in {np.count_nonzero(np.isnan(column.values))} of"
-        f" {table.rows} rows)"
-        for column in poor
-    ]
+    words = [f"{column.name} ({why})" for column, why in poor]
     return dataclasses.replace(meaning, unused=(*meaning.unused, *words))
 
 
@@ -190,16 +234,16 @@ def _axes(
     """
     axes: dict[str, Axis] = {}
     for source in sources:
+        turning = turning_axes(source.table, source.roles)
         for text, spec in source.roles.items():
             role, unit = find_role(text), find_unit(spec.unit or "")
             if role is None or role.axis is None:
                 continue
             before = axes.get(role.axis, Axis(given.get(role.axis), {}))
-            turns = unit is not None and unit.dimension.startswith("ang")
             angle = unit if role.kind in PLACES and spec.column else None
             axes[role.axis] = dataclasses.replace(
                 before,
-                rotary=before.rotary or turns,
+                rotary=before.rotary or role.axis in turning,
                 endless=before.endless or _passes_end(source.table, spec, angle),
                 assumed=before.assumed or source.meaning.assumed.get(role.axis),
             )

@@ -243,6 +243,16 @@ def test_one_axis_has_lengths_or_angles_not_both(tmp_path: Path) -> None:
     assert data.units["C.error"] == "deg"
 
 
+@pytest.mark.parametrize("rotary", [None, []])
+def test_the_speed_of_a_motor_is_refused_for_an_axis_in_mm(
+    tmp_path: Path, rotary: list[str] | None
+) -> None:
+    table = table_of(tmp_path, "x [mm],n [rpm]\n1,2\n3,4\n")
+    columns = {"X.position": ColumnSpec("x"), "X.velocity": ColumnSpec("n")}
+    with pytest.raises(MeasurementError, match=r"'n': found rpm.*leave the column out"):
+        measurement(table, columns, rotary=rotary)
+
+
 @pytest.mark.parametrize(
     ("role", "nearest"),
     [

@@ -981,3 +981,38 @@ def test_columns_of_which_nobody_says_the_run_are_told_to_be_stated_together(
     ]
     job = new(tmp_path, "\n".join([head, *rows]) + "\n")
     assert "Columns of runs are stated" in job.read_text().replace("\n# ", " ")
+
+
+def motor_trace(place: str, speed: str) -> str:
+    """Return a trace of a drive with these heads of its second and third column."""
+    angles = [0.01 * k for k in range(3000)]
+    rows = "".join(
+        f"{0.2 * u:.3f},{100 + 30 * math.sin(u):.4f},{900 * math.cos(u):.2f},"
+        f"{math.copysign(2.0, math.cos(u))}\n"
+        for u in angles
+    )
+    return f"time [s],{place},{speed},current [A]\n{rows}"
+
+
+@pytest.mark.parametrize("speed", ["Motor speed [rpm]", "X velocity [1/min]"])
+def test_the_speed_of_a_motor_is_left_out_beside_a_place_in_mm(
+    tmp_path: Path, speed: str
+) -> None:
+    text = new(tmp_path, motor_trace("X pos [mm]", speed), "--axis", "X=1").read_text()
+    assert "(in rpm, as of a motor, and X is in mm)" in text
+    assert '"X.velocity"' not in text
+    assert "rotary" not in text
+
+
+@pytest.mark.parametrize("place", ["", "X pos"])
+def test_the_speed_of_a_motor_makes_no_linear_axis_a_rotary_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], place: str
+) -> None:
+    text = motor_trace(place or "supply [V]", "X speed [rpm]")
+    (tmp_path / "drive.csv").write_text(text)
+    out = tmp_path / "job.toml"
+    assert main(["new", str(tmp_path / "drive.csv"), "--out", str(out)]) == 1
+    assert "found rpm, as of a motor, and nothing of X in mm" in capsys.readouterr().err
+    assert not out.exists()
+    job = new(tmp_path, text.replace("X ", "C "), name="c.csv")
+    assert 'type = "rotary"' in job.read_text()
