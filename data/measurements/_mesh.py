@@ -14,7 +14,7 @@ from ._table import Skipped, Table, number_columns
 
 PROBED_HEIGHTS = (
     "Heights that the machine's own probe reads on a flat reference are the negative of the"
-    " error: sign = -1 in columns."
+    " error: sign = -1 in the columns of a job."
 )
 _KLIPPER = re.compile(r"(?m)^\s*(?:#\*#)?\s*\[bed_mesh\b[^\]]*\]")
 _RRF = re.compile(r"\s*RepRapFirmware height map", re.IGNORECASE)
