@@ -19,10 +19,21 @@ _NEAR = 0.9
 """Correlation, in that of the best offset, up to which an offset is near it."""
 _ALIKE = 0.5
 """Share of the scatter that the other file must explain."""
-_GRID = 81
-"""Offsets that are tried before the best one is refined."""
+_GRID, _MOST_OFFSETS = 81, 1601
+"""Offsets that are tried over the length of the shorter record, and in all."""
 _FLAT = 0.98
 """Cost of the best offset, in those of the worst, that tells one from the other."""
+_PLACES, _PER_PLACE, _VISITS = 32, 8, 2
+"""Places of an axis whose own error is taken off at most, readings and visits of each at least."""
+_NEVER = 1e9
+"""Of an offset that explains too little to be compared."""
+_CLOSE = 0.1
+"""Share of the shorter record beyond which an offset is another one, however uncertain it is."""
+_RIVAL = 0.7
+"""Of what the best offset explains, what another one must explain to stand beside it."""
+_REFUTED, _AGREES = 6.0, 4.0
+"""Standard deviations from which on the readings refute an offset, and up to which clocks agree as
+they are; noise of the other file, which is another one at each offset, takes some of them."""
 _SAME = (
     "the signals are equally alike at all offsets tried: they do not tell the offset "
     "between the clocks."
@@ -37,7 +48,7 @@ class ClockState:
         measurement: Name in the job.
         file: As the job names it.
         offset: In s: instant on the first clock = instant on its own + offset.
-        standard_deviation: In s; None where the job gives the offset.
+        standard_deviation: In s; None where the offset is not fitted.
         by: What both saw, in words.
         explained: Share of the scatter of that which the other file explains, 0 to 1;
             None where the job gives the offset.
@@ -56,13 +67,14 @@ class Offset:
     """An offset between two clocks.
 
     Attributes:
-        seconds: First clock − other clock.
-        standard_deviation: Of that.
+        seconds: First clock − other clock; 0 where it is not determined and the clocks agree
+            as they are.
+        standard_deviation: Of that; None where it is not determined.
         explained: Share of the scatter that the other file explains, 0 to 1.
     """
 
     seconds: float
-    standard_deviation: float
+    standard_deviation: float | None
     explained: float
 
 
@@ -78,10 +90,15 @@ def find_offset(
 
     The signal is taken as a line in what the other file saw (the same temperature measured
     twice; an error that follows a temperature), with positions as a line whose slope and
-    offset both follow it. Searched over all offsets at which half of the shorter record
-    meets the other: by correlation, on a grid, and around the best place of that. The last
-    steps are those of a regression with the slope over the offset beside its columns, which
-    knows the deviation, too (P. J. Bickel, J. Am. Stat. Assoc. 70, 1975).
+    offset both follow it, beside an error of its own at each place. Searched over all offsets
+    at which half of the shorter record meets the other: by correlation, on a grid, and around
+    the best place of that, which explains most readings best. The last steps are those of a
+    regression with the slope over the offset beside its columns, which knows the deviation,
+    too (P. J. Bickel, J. Am. Stat. Assoc. 70, 1975).
+
+    Offsets farther away may explain the readings that both can explain as well: a history
+    that approaches its end exponentially is alike, up to a factor, however it is moved. Then
+    the clocks stay as they are if the readings do not refute that.
 
     Args:
         time: Of the first file in s, ascending.
@@ -94,84 +111,110 @@ def find_offset(
     Raises:
         FitError: If they do not tell it.
     """
-    span = min(float(np.ptp(time)), float(np.ptp(other_time)))
+    spans = float(np.ptp(time)), float(np.ptp(other_time))
+    span = min(spans)
+    if min(len(time), len(other_time)) < _LEAST or span <= 0.0:
+        msg = f"a file has fewer than {_LEAST} instants."
+        raise FitError(msg)
     if position is None:
         base, search = _coarse(time, signal, other_time, other)
     else:
         base = 0.5 * float(time[0] + time[-1] - other_time[0] - other_time[-1])
-        search = _OVERLAP * span
-    is_number = np.isfinite(other)
-    other_time, other = other_time[is_number], other[is_number]
-    rows = np.isfinite(signal) & np.isfinite(time)
-    time, signal = time[rows], signal[rows]
-    centred = (
-        None if position is None else position[rows] - float(np.mean(position[rows]))
-    )
+        search = _OVERLAP * max(spans)
+    is_number, rows = np.isfinite(other), np.isfinite(signal) & np.isfinite(time)
+    rows &= True if position is None else np.isfinite(position)
+    time, signal, centred = time[rows], signal[rows], None
+    if position is not None:
+        signal = _without_places(signal, position[rows])
+        centred = position[rows] - float(np.mean(position[rows]))
+    pair = _Pair(time, signal, other_time[is_number], other[is_number], centred)
 
-    def in_common(offset: float) -> Bool[np.ndarray, " t"]:
-        instants = time - offset
-        return np.asarray((instants >= other_time[0]) & (instants <= other_time[-1]))
+    def explanation(offset: float) -> tuple[float, float]:
+        """Return the deviance that the other file explains, and what it leaves per reading."""
+        common = pair.in_common(offset)
+        if common.sum() < _LEAST or np.ptp(time[common]) < _OVERLAP * span:
+            return 0.0, np.inf
+        columns = pair.columns(offset, common)
+        without = np.abs(pair.residual(columns[:, ::2], common)).mean()
+        left = np.abs(pair.residual(columns, common)).mean()
+        ratio = max(without, 1e-300) / max(left, 1e-9 * without, 1e-300)
+        return float(common.sum() * np.log(ratio)), float(left)
 
-    def columns(
-        offset: float, common: Bool[np.ndarray, " t"]
-    ) -> Float[np.ndarray, "k c"]:
-        reference = np.interp(time[common] - offset, other_time, other) - other.mean()
-        parts = [np.ones(len(reference)), reference]
-        if centred is not None:
-            parts += [centred[common], centred[common] * reference]
-        return np.column_stack(parts)
-
-    def cost(offset: float, common: Bool[np.ndarray, " t"]) -> float:
-        design = columns(offset, common)
-        value = np.linalg.lstsq(design, signal[common], rcond=None)[0]
-        size = np.abs(signal[common] - design @ value)
-        return float(np.minimum(size, 5.0 * np.median(size) + 1e-300).mean())
-
-    def overlapping(offset: float) -> float:
-        common = in_common(offset)
-        too_few = common.sum() < _LEAST or np.ptp(time[common]) < _OVERLAP * span
-        return np.inf if too_few else cost(offset, common)
-
-    grid = base + np.linspace(-search, search, _GRID)
-    costs = np.array([overlapping(offset) for offset in grid])
+    points = min(int(_GRID * 2.0 * search / span) + 1, _MOST_OFFSETS)
+    grid = base + np.linspace(-search, search, max(points, _GRID))
+    gain, costs = np.array([explanation(offset) for offset in grid]).T
     finite = costs[np.isfinite(costs)]
     if not finite.size or not finite.min() < _FLAT * finite.max():
         raise FitError(_SAME)
-    start, step = float(grid[np.argmin(costs)]), float(grid[1] - grid[0])
-    # A slope over less than the distance of the readings would be one of the log's noise.
-    width = 0.5 * max(float(np.median(np.diff(np.unique(time)))), 0.2 * step)
+    # An offset that leaves few readings is not better for explaining these as well.
+    start, step = float(grid[np.argmax(gain)]), float(grid[1] - grid[0])
+    # A slope over less than these distances would be one of the log's noise.
+    width = 0.5 * max(float(np.median(np.diff(np.unique(time)))), step)
     # The same readings for all offsets that are near.
     reach = 1.5 * step
-    common = in_common(start - reach - width) & in_common(start + reach + width)
+    common = pair.in_common(start - reach - width)
+    common &= pair.in_common(start + reach + width)
     bounds = start - reach, start + reach
-    optimum = float(
-        minimize_scalar(cost, bounds=bounds, args=(common,), method="bounded").x
-    )
+
+    def cost(offset: float) -> float:
+        size = pair.residual(pair.columns(offset, common), common)
+        return float(np.abs(size).mean())
 
     def refined(
         offset: float, factors: Float[np.ndarray, " c"]
     ) -> tuple[float, Regression]:
         """Return a better offset, and the regression with the slope over it as a column."""
-        change = columns(offset + width, common) - columns(offset - width, common)
+        change = pair.columns(offset + width, common)
+        change -= pair.columns(offset - width, common)
         slope = change @ factors / (2.0 * width)
-        design = np.column_stack([columns(offset, common), slope])
+        design = np.column_stack([pair.columns(offset, common), slope])
         regression = regress(design, signal[common], time=time[common])
         return float(np.clip(offset + regression.coefficients[-1], *bounds)), regression
 
+    optimum = float(minimize_scalar(cost, bounds=bounds, method="bounded").x)
     try:
-        factors = regress(columns(optimum, common), signal[common]).coefficients
+        factors = regress(pair.columns(optimum, common), signal[common]).coefficients
         optimum, regression = refined(optimum, factors)
         # The slope is another one there.
         optimum, regression = refined(optimum, regression.coefficients[:-1])
     except FitError as error:
         raise FitError(_SAME) from error
     deviation = float(regression.standard_deviation[-1])
-    if not deviation < search:
-        msg = (
-            f"the offset between the clocks is uncertain by {deviation:.3g} s, expected "
-            "signals that change sharply enough to tell it."
+    reference = pair.in_common(optimum)
+    left = np.full(len(time), np.nan)
+    left[reference] = pair.residual(pair.columns(optimum, reference), reference)
+    scale = max(1.4826 * float(np.nanmedian(np.abs(left))), 1e-300)
+    # As many readings as the drift of the residual makes of one that is independent.
+    alike = max(float(reference.sum() / max(regression.independent[-1], 1.0)), 1.0)
+
+    def refutation(offset: float) -> float:
+        """Return by how many standard deviations, squared, the same readings refute an offset."""
+        both = reference & pair.in_common(offset)
+        if explanation(offset)[0] < _RIVAL * gain.max():
+            return _NEVER
+        if both.sum() < _LEAST:
+            return 0.0
+        here = pair.residual(pair.columns(offset, both), both)
+        return float(
+            np.sum(_deviance(here / scale) - _deviance(left[both] / scale)) / alike
         )
-        raise FitError(msg)
+
+    # Twice as far as a parabola of that deviation would be refuted.
+    near = reach + min(2.0 * _REFUTED * deviation, _CLOSE * span)
+    rivals = list[float]()
+    far = grid[np.abs(grid - optimum) > near]
+    for place in _lowest(far, np.array([*map(refutation, far)])):
+        around = place - step, place + step
+        lower = minimize_scalar(refutation, bounds=around, method="bounded").x
+        rivals += [at for at in (place, float(lower)) if refutation(at) < _REFUTED**2]
+    if rivals or not deviation < search:
+        if refutation(0.0) >= _AGREES**2:
+            msg = (
+                f"offsets between the clocks from {min([*rivals, optimum]):.4g} to"
+                f" {max([*rivals, optimum]):.4g} s fit about as well."
+            )
+            raise FitError(msg)
+        optimum, deviation = 0.0, None
     spread = max(float(np.var(signal[common])), 1e-300)
     explained = 1.0 - float(np.var(regression.residual[~regression.wild])) / spread
     if explained < _ALIKE:
@@ -183,19 +226,75 @@ def find_offset(
     return Offset(optimum, deviation, explained)
 
 
+@dataclasses.dataclass(frozen=True)
+class _Pair:
+    """Two signals, of which the first is a line in the second at the right offset.
+
+    Attributes:
+        time: Of the first in s.
+        signal: Its values.
+        other_time: Of the other in s.
+        other: Its values.
+        position: Of the axis in mm less its mean, where slope and offset of the line follow it.
+    """
+
+    time: Float[np.ndarray, " t"]
+    signal: Float[np.ndarray, " t"]
+    other_time: Float[np.ndarray, " l"]
+    other: Float[np.ndarray, " l"]
+    position: Float[np.ndarray, " t"] | None
+
+    def in_common(self, offset: float) -> Bool[np.ndarray, " t"]:
+        """Return which readings lie within the time of the other file."""
+        instants = self.time - offset
+        first, last = self.other_time[0], self.other_time[-1]
+        return np.asarray((instants >= first) & (instants <= last))
+
+    def columns(
+        self, offset: float, common: Bool[np.ndarray, " t"]
+    ) -> Float[np.ndarray, "k c"]:
+        """Return what explains the signal: every second column comes from the other file."""
+        reference = np.interp(self.time[common] - offset, self.other_time, self.other)
+        reference -= self.other.mean()
+        parts = [np.ones(len(reference)), reference]
+        if self.position is not None:
+            parts += [self.position[common], self.position[common] * reference]
+        return np.column_stack(parts)
+
+    def residual(
+        self, columns: Float[np.ndarray, "k c"], common: Bool[np.ndarray, " t"]
+    ) -> Float[np.ndarray, " k"]:
+        """Return what columns leave of the signal, wild readings cut."""
+        value = np.linalg.lstsq(columns, self.signal[common], rcond=None)[0]
+        left = self.signal[common] - columns @ value
+        most = 5.0 * np.median(np.abs(left)) + 1e-300
+        return np.clip(left, -most, most)
+
+
+def _deviance(ratio: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
+    """Return that of Student's t with 4 degrees of freedom, where wild readings weigh little."""
+    return 5.0 * np.log1p(np.square(ratio) / 4.0)
+
+
+def _lowest(
+    places: Float[np.ndarray, " k"], values: Float[np.ndarray, " k"]
+) -> list[float]:
+    """Return where values are lowest among their neighbours."""
+    padded = np.pad(values, 1, constant_values=_NEVER)
+    low = (values < _NEVER) & (values <= padded[:-2]) & (values <= padded[2:])
+    return places[low].tolist()
+
+
 def _coarse(
     time: Float[np.ndarray, " t"],
     signal: Float[np.ndarray, " t"],
     other_time: Float[np.ndarray, " l"],
     other: Float[np.ndarray, " l"],
 ) -> tuple[float, float]:
-    """Return the offset of largest correlation, and how far around it to look on."""
-    spans = float(np.ptp(time)), float(np.ptp(other_time))
-    if min(len(time), len(other_time)) < _LEAST or min(spans) <= 0.0:
-        msg = f"a file has fewer than {_LEAST} instants."
-        raise FitError(msg)
+    """Return the middle of the offsets near the largest correlation, and how far to look."""
+    longest = max(float(np.ptp(time)), float(np.ptp(other_time)))
     steps = [float(np.median(np.diff(instants))) for instants in (time, other_time)]
-    step = max(*steps, max(spans) / _MOST)
+    step = max(*steps, longest / _MOST)
     first = _evenly(time, signal, step)
     second = _evenly(other_time, other, step)
     if min(float(np.ptp(first)), float(np.ptp(second))) <= 0.0:
@@ -213,8 +312,36 @@ def _coarse(
     if elsewhere.size and float(elsewhere.max()) > _AGAIN * score[peak]:
         msg = "it repeats itself, so that another offset fits as well."
         raise FitError(msg)
-    offset = float(time[0] - other_time[0]) + step * float(lags[peak])
-    return offset, step * max(min(peak - low, high - peak), 4)
+    offset = float(time[0] - other_time[0]) + step * float(lags[low] + lags[high]) / 2.0
+    return offset, step * max(0.5 * (high - low), 4.0)
+
+
+def _without_places(
+    signal: Float[np.ndarray, " t"], position: Float[np.ndarray, " t"]
+) -> Float[np.ndarray, " t"]:
+    """Return errors less the median of those at the same place in the same direction.
+
+    Raises:
+        FitError: If no place is met again.
+    """
+    moves = np.diff(position, prepend=position[:1])
+    moved = np.flatnonzero(moves)
+    if not moved.size:
+        return signal
+    last = np.searchsorted(moved, np.arange(len(moves)), side="right") - 1
+    forth = moves[moved[np.maximum(last, 0)]] > 0.0
+    number = int(np.clip(len(signal) // (2 * _PER_PLACE), 1, _PLACES))
+    edges = np.linspace(position.min(), position.max(), number + 1)
+    place = 2 * (np.searchsorted(edges[1:-1], position, side="right")) + forth
+    places, index = np.unique(place, return_inverse=True)
+    if 1 + np.count_nonzero(np.diff(place)) < _VISITS * len(places):
+        msg = (
+            "each place is met once: the error of the axis there cannot be told from one that"
+            " follows a temperature."
+        )
+        raise FitError(msg)
+    own = np.array([np.median(signal[index == k]) for k in range(len(places))])
+    return np.asarray(signal - own[index])
 
 
 def _evenly(

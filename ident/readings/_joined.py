@@ -93,7 +93,11 @@ def join_files(
         shifts.append(clock.offset)
         clocks.append(clock)
     table, columns = _side_by_side(files, shifts)
-    remarks = (*table.remarks, *map(_words, clocks))
+    pairs = zip(clocks, files[1:], strict=True)
+    remarks = (
+        *table.remarks,
+        *(_words(clock, files[0], file) for clock, file in pairs),
+    )
     return dataclasses.replace(table, remarks=remarks), columns, tuple(clocks)
 
 
@@ -197,7 +201,7 @@ def _refuse_missing(files: Sequence[_File], spec: "MeasurementSpec") -> None:
 
 
 def _offset(name: str, first: _File, other: _File) -> ClockState:
-    """Return the offset of a file, from the first pair of signals that tells it."""
+    """Return the offset of a file, from the first pair of signals that determines it."""
     pairs = [*_pairs(first, other)]
     if not pairs:
         msg = (
@@ -205,7 +209,7 @@ def _offset(name: str, first: _File, other: _File) -> ClockState:
             " error beside a temperature."
         )
         raise FitError(msg)
-    failed = []
+    failed, kept = [], None
     for words, mine, theirs, place in pairs:
         try:
             signal = first.values(mine)
@@ -216,7 +220,7 @@ def _offset(name: str, first: _File, other: _File) -> ClockState:
         except FitError as error:
             failed.append(f"by {words}: {error}")
             continue
-        return ClockState(
+        found = ClockState(
             name,
             other.name,
             state.seconds,
@@ -224,6 +228,11 @@ def _offset(name: str, first: _File, other: _File) -> ClockState:
             words,
             state.explained,
         )
+        if state.standard_deviation is not None:
+            return found
+        kept = kept or found
+    if kept is not None:
+        return kept
     raise FitError(failed[0])
 
 
@@ -274,14 +283,28 @@ def _refuse_apart(
         raise job.error(("measurements", name, "files"), reason)
 
 
-def _words(clock: ClockState) -> str:
-    if clock.standard_deviation is None:
+def _words(clock: ClockState, first: _File, other: _File) -> str:
+    begin, end = other.time[0] + clock.offset, other.time[-1] + clock.offset
+    lost = np.count_nonzero((first.time < begin) | (first.time > end))
+    beyond = (
+        f" {lost} of {len(first.time)} rows of {first.name} lie outside its time."
+        if lost
+        else ""
+    )
+    if clock.explained is None:
         return (
             f"{clock.file} is put onto the clock of the first file by"
-            f" {clock.offset:+g} s, as the job says (offsets)."
+            f" {clock.offset:+g} s, as the job says (offsets).{beyond}"
+        )
+    explained = f"of whose scatter it explains {100 * clock.explained:.0f} %.{beyond}"
+    if clock.standard_deviation is None:
+        return (
+            f"{clock.file} keeps its clock, which fits that of the first file as it is:"
+            f" the offset between them is not determined by {clock.by}, {explained}"
+            " If it is known, state it as offsets of the measurement."
         )
     return (
         f"{clock.file} is put onto the clock of the first file by"
         f" {clock.offset:+.4g} s ± {clock.standard_deviation:.2g} s (1 sd), from"
-        f" {clock.by}, of whose scatter it explains {100 * (clock.explained or 0):.0f} %."
+        f" {clock.by}, {explained}"
     )

@@ -1,6 +1,7 @@
 """Several files of one measurement: joined on time, with the offset between their clocks."""
 
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -173,6 +174,90 @@ def test_motion_seen_by_two_instruments_tells_milliseconds(
     assert clock.by == "Z.position and Z.encoder"
     # Linear interpolation of 10 ms steps is off by 1 µm at 30 mm/s: 0.05 ms.
     assert clock.offset == pytest.approx(11.2345, abs=2e-4)
+
+
+WARMING = """
+[axes.X]
+number = 1
+[measurements.warm]
+files = ["gauge.csv", "logger.csv"]
+active = []
+remove = "none"
+[measurements.warm.columns]
+time = "time"
+"X.position" = "x"
+"X.error" = "error"
+"temperature.scale" = "scale"
+[[fits]]
+compensation = "leadscrew"
+axis = "X"
+measurement = "warm"
+start = 0.0
+interval = 100.0
+points = 5
+group = "X"
+[[fits]]
+compensation = "temperature"
+axis = "X"
+measurement = "warm"
+sensors = { coefficient = "scale" }
+reference = 0.0
+lag = "none"
+group = "X"
+"""
+
+
+def warming(path: Path, cold: float, late: float) -> Path:
+    """Three hours of runs while an axis warms up by 7 K exponentially from 0 s on."""
+
+    def scale(time: np.ndarray) -> np.ndarray:
+        return 20.0 + 7.0 * (1.0 - np.exp(-np.maximum(time, 0.0) / 2500.0))
+
+    rng = np.random.default_rng(1)
+    time, log = np.arange(0.0, 10200.0, 15.0), np.arange(-cold, 10500.0, 30.0)
+    place = 200.0 - 200.0 * np.cos(np.pi * np.arange(time.size) / 17.0)
+    error = 0.012 * np.sin(place / 110.0) + 11e-6 * (scale(time) - 20.0) * place
+    error += 5e-4 * rng.normal(size=time.size)
+    write(path / "gauge.csv", {"time": time, "x": place, "error": error})
+    warm = scale(log) + 0.02 * rng.normal(size=log.size)
+    write(path / "logger.csv", {"time": log + late, "scale": warm})
+    job = path / "job.toml"
+    job.write_text(WARMING)
+    return job
+
+
+# Cold for 50 minutes before, too: no reading says when the logger saw the change.
+@pytest.mark.parametrize("cold", [300.0, 3000.0])
+def test_an_exponential_warming_leaves_clocks_that_agree_as_they_are(
+    cold: float, tmp_path: Path
+) -> None:
+    found = run_job(warming(tmp_path, cold, 0.0), tmp_path / "out")
+    clock = found.clocks[0]
+    # Any shift to the left fits the readings that are left, with a steeper line: -5000 s.
+    assert clock.offset == 0.0
+    assert clock.standard_deviation is None
+    words = " ".join(remark.message for remark in found.fits[0].remarks)
+    assert "the offset between them is not determined by X.error" in words
+    thermal = found.fits[1]
+    assert isinstance(thermal, TemperatureResult)
+    # Noise of 0.02 K and 0.5 µm in 680 readings; a clock 5000 s off makes it 7 times as steep.
+    assert thermal.fit.coefficient.slope[0] == pytest.approx(11e-6, rel=0.02)
+
+
+def test_an_exponential_warming_on_clocks_apart_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(
+        JobError,
+        match=r"offsets between the clocks from -\d+ to -?\d+ s fit about as well",
+    ):
+        run_job(warming(tmp_path, 300.0, 3000.0), tmp_path / "out")
+
+
+def test_rows_outside_the_time_of_the_other_file_are_told(
+    job: Callable[..., Path],
+) -> None:
+    words = " ".join(remark.message for remark in run(job(gauge(), logger())).remarks)
+    # 20 s apart, up to 437 s before the logger began: 22; after its end at 6431 s: 38.
+    assert re.search(r"\b\d\d of 360 rows of gauge.csv lie outside its time", words)
 
 
 def test_files_without_common_signal_are_refused(job: Callable[..., Path]) -> None:

@@ -132,6 +132,7 @@ def test_clocks_of_two_instruments_are_brought_together(
         error = 2e-3 * temperatures(time) + 3e-4 * rng.normal(size=len(time))
         values = temperatures(log + offset) + 0.02 * rng.normal(size=len(log))
         found = find_offset(time, error, log, values)
+        assert found.standard_deviation is not None
         distances.append((found.seconds - offset) / found.standard_deviation)
         assert found.standard_deviation < 10.0  # s; a sixth of a reading's distance
         assert found.explained > 0.9
@@ -147,8 +148,32 @@ def test_the_clock_is_found_from_errors_at_several_positions_too() -> None:
     error = 1e-5 * (temperatures(time) - 20.0) * (position + 200.0)
     error += 3e-4 * rng.normal(size=len(time))
     found = find_offset(time, error, log, temperatures(log + 120.0), position)
+    assert found.standard_deviation is not None
     assert abs(found.seconds - 120.0) < 3.0 * found.standard_deviation
     assert found.standard_deviation < 10.0
+
+
+@pytest.mark.parametrize("before", [600.0, 20000.0])
+def test_a_clock_is_found_beside_the_error_of_the_axis_itself(before: float) -> None:
+    """Also in a log that began hours earlier, far from the middle of the readings."""
+    rng = np.random.default_rng(2)
+    time = np.arange(0.0, 7200.0, 15.0)
+    position = 200.0 - 200.0 * np.cos(np.pi * np.arange(time.size) / 17.0)
+    log = np.arange(-before, 8000.0, 30.0)
+    error = 0.012 * np.sin(position / 60.0) + 5e-4 * rng.normal(size=time.size)
+    error += 1e-5 * (temperatures(time) - 20.0) * position
+    values = temperatures(log) + 0.02 * rng.normal(size=log.size)
+    found = find_offset(time, error, log + 700.0, values, position)
+    assert found.standard_deviation is not None
+    # One seeded draw; with the shape of the axis in the noise it was known to 100 s only.
+    assert abs(found.seconds + 700.0) < 3.0 * found.standard_deviation < 30.0
+
+
+def test_errors_of_one_pass_over_an_axis_give_no_clock() -> None:
+    time = np.arange(0.0, 3600.0, 10.0)
+    error = 1e-5 * (temperatures(time) - 20.0) * time
+    with pytest.raises(FitError, match="each place is met once"):
+        find_offset(time, error, time, temperatures(time), time)
 
 
 def test_a_signal_that_tells_no_time_gives_no_clock() -> None:
