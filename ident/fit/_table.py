@@ -75,7 +75,6 @@ def fit_table(
     loss: str = "student",
     run_effects: RunEffects = "none",
     allow_gaps: bool = False,
-    floating: Sequence[int] = (),
 ) -> TableFit:
     r"""Fit the node values of a table to readings of the error.
 
@@ -93,7 +92,6 @@ def fit_table(
         run_effects: ``"offset"`` or ``"drift"`` (offset and linear drift) lets every run have
             its own, summing to zero over the runs; with a robust loss not over those far off.
         allow_gaps: Accept fewer readings than nodes; the prior fills in.
-        floating: Runs whose zero is arbitrary: they do not count in the mean.
 
     Raises:
         FitError: If the readings cannot determine the table or an option is unknown.
@@ -101,13 +99,11 @@ def fit_table(
     layout.check()
     extent = Extent.of(layout, samples)
     check_smoothness(smoothness)
-    fit_to = _InMemory(
-        layout, samples, smoothness, run_effects, allow_gaps, tuple(floating)
-    )
+    fit_to = _InMemory(layout, samples, smoothness, run_effects, allow_gaps)
     extent.check(layout, fit_to.stack(()).free, allow_gaps)
     with one_blas_thread():
         fit = fit_to(loss, ())
-        far = fit_to.far(fit) if loss != "gauss" else ()
+        far = far_runs(fit.runs) if loss != "gauss" else ()
         if far:
             # A run that contradicts the others must not pull their mean.
             fit = fit_to(loss, far)
@@ -243,7 +239,6 @@ class _InMemory:
     smoothness: Smoothness
     run_effects: RunEffects
     allow_gaps: bool
-    floating: tuple[int, ...]
 
     @cached_property
     def labels(self) -> Int[np.ndarray, " r"]:
@@ -260,13 +255,9 @@ class _InMemory:
 
     def stack(self, far: Sequence[int]) -> Stack:
         """Return the table, and effects of the runs; some do not count in their mean."""
-        counted = ~np.isin(self.labels, [*far, *self.floating])
+        counted = ~np.isin(self.labels, far)
         drift = self.run_effects == "drift"
         return _stack(self.layout.effect, counted.tobytes(), drift)
-
-    def far(self, fit: TableFit) -> tuple[int, ...]:
-        """Return the runs that contradict the others, of those that count in their mean."""
-        return far_runs([run for run in fit.runs if run.run not in self.floating])
 
     def medians(self, values: Float[np.ndarray, " t"]) -> Float[np.ndarray, " r"]:
         """Return the median of each run."""
@@ -309,7 +300,7 @@ class _InMemory:
         if len(self.labels) > 2:
             scatter = self.medians(np.abs(residual))
             loud = self.labels[scatter > _LOUD * np.median(scatter)].tolist()
-            suspects = tuple(sorted({*loud, *self.far(fit)}))
+            suspects = tuple(sorted({*loud, *far_runs(fit.runs)}))
         return dataclasses.replace(
             fit.doubted(self.steps.common(residual, judged.wild)),
             residual=residual,

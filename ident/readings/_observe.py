@@ -168,5 +168,6 @@ def read_error(tables: Tables, name: str, axis: str) -> "tuple[Measured, Motion]
         line=rows.spec.remove == "line",
         late=rows.measured.late.get(axis),
         time=rows.time,
+        own_zero=rows.spec.remove != "none" or rows.spec.datum is not None,
     )
     return measured, rows.standing(axis)

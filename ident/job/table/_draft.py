@@ -21,7 +21,7 @@ from .._gating import spread_over, switching_remarks
 from ..result._result import Remark, SampleView, TableResult, staged
 from ..result._second import SecondMeasurement, gap_of, near_of, part_of, scatter_of
 from ._plan import Plan
-from ._readings import datum_of, read_fit, run_table, zero_at
+from ._readings import datum_of, read_fit, run_table, with_one_zero, zero_at
 from ._remarks import LOG, fit_remarks, outside, places_of
 from ._trend import trend_left
 
@@ -178,7 +178,7 @@ class TableDraft(AbstractDraft):
         assert isinstance(fit, TableSpec)
         plan, table = self.plan, self.plan.table
         again = dataclasses.replace(plan, job=tables.job, fit=fit)
-        readings, _ = read_fit(tables, again, {})
+        readings, _ = with_one_zero(again, read_fit(tables, again, {})[0])
         datum = datum_of(tables.job, self.index, fit)
         along = table.masters == (table.axis,)
         branch = plan.branch(readings.direction)

@@ -34,7 +34,7 @@ from ._log_draft import fit_log
 from ._log_readings import in_pieces
 from ._passes import as_passes_differ, nearest_node, of_both_ways
 from ._plan import Plan
-from ._readings import read_fit
+from ._readings import read_fit, with_one_zero
 from ._remarks import LOG, SEEN, TINY, doubt_of_places, limit_remarks, outside
 from ._trend import refuse_unowned_trend
 
@@ -137,13 +137,14 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
     """
     table, spec, remarks = plan.table, plan.fit, [*remarks]
     _refuse_small_part(plan, readings)
+    readings, owner = with_one_zero(plan, readings)
     remarks += limit_remarks(plan.job, plan.fit.over, readings.positions)
-    run, floating = readings.run, readings.floating
+    run = readings.run
     nodes = tuple(line.positions for line in table.nodes)
     # Whether the runs go over the same places, so that others can judge each.
     signs = readings.direction if table.branches == 2 else None
     repeated = run is not None and runs_overlap(readings.positions, run, nodes, signs)
-    if run is not None and not repeated and not floating and len(np.unique(run)) > 1:
+    if run is not None and not repeated and owner is None and len(np.unique(run)) > 1:
         words = (
             "The runs do not go over the same places, so that none can be judged by the"
             " others: offsets of single runs are not estimated."
@@ -154,12 +155,12 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
         positions=readings.positions,
         error=readings.error,
         branch=branch,
-        run=run if repeated or floating else None,
+        run=run if repeated else owner,
         order=place_in_run(run, readings.order)
         if run is not None and repeated
         else None,
     )
-    effects: RunEffects = "offset" if floating else "none"
+    effects: RunEffects = "none" if owner is None else "offset"
     if run is not None and repeated:
         shortest = np.unique(run, return_counts=True)[1].min()
         effects = "drift" if shortest >= _DRIFT_NEEDS else "offset"
@@ -182,20 +183,12 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
         loss=spec.loss,
         run_effects=effects,
         allow_gaps=finer,
-        floating=floating,
     )
     fit = fit_to(samples)
     if run is None and branch is None:
         samples, apart = of_both_ways(plan, readings, samples, fit)
         remarks += apart
         fit = fit_to(samples) if apart else fit
-    if floating:  # with the zero that the others give them
-        offset = {run.run: run.offset for run in fit.runs if run.run in floating}
-        shift = [offset.get(number, 0.0) for number in np.asarray(run).tolist()]
-        error = samples.error - np.array(shift)
-        samples = dataclasses.replace(samples, error=error)
-        readings = dataclasses.replace(readings, error=error)
-        fit = fit_to(samples)
     fit, alike = as_passes_differ(plan, readings.order, samples, fit)
     remarks += alike
     if finer:
@@ -208,6 +201,9 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
         free, fit = fit, inequalities.keep(fit, samples)
         remarks.append(_constrained(plan, fit.values - free.values))
     zero, estimate = plan.zeroed(fit)
+    if not repeated:  # zeros of measurements that were taken off are no effects of runs
+        effects = "none"
+        estimate = dataclasses.replace(estimate, runs=(), suspect_runs=())
     before = readings.error - zero
     acted = plan.acted(readings.positions, branch)
     estimate = _doubted(plan, readings, samples, estimate)

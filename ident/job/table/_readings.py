@@ -5,9 +5,11 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
+from ...core import FitError
 from ...exchange import AbstractTable
+from ...fit import Samples, fit_table
 from ...kinds._keys import FitSpec
 from ...proof import RunTable
 from ...readings import Readings, Tables, joined, without_zero
@@ -99,6 +101,44 @@ def _unseen_flanks(
             f" {plan.small(abs(seen), '.1g')} between them: switch it off there, state it in active"
             " if it was on, or fit it anew beside the table."
         )
+
+
+def with_one_zero(
+    plan: "Plan", readings: Readings
+) -> tuple[Readings, Int[np.ndarray, " t"] | None]:
+    """Return readings of several measurements as if all had one zero, and whose each had.
+
+    A zero that is the instrument's (`remove`, `datum`) is told by the table that goes through
+    all of them. It becomes the machine's where one has that, else the mean of all. None: no
+    measurement has a zero to be told.
+    """
+    specs = plan.job.spec.measurements
+    free = [
+        name
+        for name in readings.slices
+        if specs[name].remove != "none" or specs[name].datum is not None
+    ]
+    if not free or len(readings.slices) < 2:
+        return readings, None
+    owner = np.zeros(len(readings.error), dtype=np.int64)
+    for number, name in enumerate(free, start=1):
+        owner[readings.slices[name]] = number
+    branch = plan.branch(readings.direction)
+    try:
+        fit = fit_table(
+            plan.table.layout,
+            Samples(readings.positions, readings.error, branch, run=owner),
+            smoothness=plan.fit.smoothness,
+            loss=plan.fit.loss,
+            run_effects="offset",
+            allow_gaps=True,
+        )
+    except FitError:  # so few readings that none tells the zero of another
+        return readings, None
+    offset = {run.run: run.offset for run in fit.runs}
+    zero = np.array([offset[number] for number in owner.tolist()])
+    zero -= zero.mean() if len(free) == len(readings.slices) else offset[0]
+    return dataclasses.replace(readings, error=readings.error - zero), owner
 
 
 def zero_at(

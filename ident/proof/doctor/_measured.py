@@ -40,6 +40,7 @@ class Measured:
         late: What one standard deviation of the instrument's delay makes of the error, where
             the axis was in motion.
         time: In s, or None.
+        own_zero: The zero of its instrument is arbitrary, another one in each such measurement.
     """
 
     axis: int
@@ -50,6 +51,7 @@ class Measured:
     line: bool = False
     late: Float[np.ndarray, " t"] | None = None
     time: Float[np.ndarray, " t"] | None = None
+    own_zero: bool = False
 
 
 @dataclasses.dataclass(frozen=True)
@@ -63,8 +65,8 @@ class Difference:
         variance: Of each change, in units of that of a single reading.
         readings: Before and after, that each change is the mean of; 0 where the first
             measurement was interpolated: one wild reading of it is in several changes.
-        free: Columns that may be in the change: zero and slope of the instrument, and what
-            its delay leaves of the speed in each measurement.
+        free: Columns that may be in the change: zeros and slope of the instruments, and what
+            their delay leaves of the speed in each measurement.
     """
 
     positions: Mapping[int, Float[np.ndarray, " g"]]
@@ -105,8 +107,8 @@ def difference(
     nuisance = [np.ones(len(keys))]
     if any(one.line for one in both):
         nuisance += list(positions.values())
-    late = (early[finite, 1], later.levels[finite, 1])
-    nuisance += [column for column in late if column.any()]
+    beside = np.hstack([early[finite, 1:], later.levels[finite, 1:]]).T
+    nuisance += [column for column in beside if column.any()]
     variance = 1.0 / counts[finite] + 1.0 / later.count[finite]
     return Difference(
         positions=positions,
@@ -144,13 +146,13 @@ def too_good(before: Sequence[Measured], after: Sequence[Measured]) -> bool:
 class _Places:
     """Readings by place and direction: the place in units of `_PLACE`, the direction last.
 
-    Levels are the error and what the delay of its instrument makes of it; ``at`` is the place
-    of each reading.
+    Levels are the error, what the delay of its instrument makes of it, and the share in it of
+    each zero that is arbitrary; ``at`` is the place of each reading, another one for each zero.
     """
 
     keys: Int[np.ndarray, "g k"]
-    levels: Float[np.ndarray, "g 2"]
-    count: Int[np.ndarray, " g"]
+    levels: Float[np.ndarray, "g l"]
+    count: Float[np.ndarray, " g"]
     at: Int[np.ndarray, " t"]
 
 
@@ -159,26 +161,34 @@ def _places(
 ) -> _Places:
     from scipy.ndimage import median
 
-    rows, late = [], []
-    for one in measured:
-        zeros = np.zeros(len(one.error))
+    rows, late, zeros = [], [], []
+    for number, one in enumerate(measured, start=1):
+        blank = np.zeros(len(one.error))
         columns = [np.rint(one.positions[axis] / _PLACE) for axis in axes]
         directions = one.direction if directed else None
-        columns.append(zeros if directions is None else directions)
+        columns.append(blank if directions is None else directions)
         rows.append(np.stack(columns, axis=1).astype(np.int64))
-        late.append(zeros if one.late is None else one.late)
+        late.append(blank if one.late is None else one.late)
+        zeros.append(np.full(len(blank), number * one.own_zero))
     values = np.concatenate([one.error for one in measured])
-    places, at, counts = np.unique(
-        np.concatenate(rows), axis=0, return_inverse=True, return_counts=True
+    places, at = np.unique(np.concatenate(rows), axis=0, return_inverse=True)
+    several = len(measured) + 1
+    levels, at, counts = np.unique(
+        at.ravel() * several + np.concatenate(zeros),
+        return_inverse=True,
+        return_counts=True,
     )
-    at = at.ravel()
     # One wild reading among several must not count.
     middle = median(values, at, np.arange(len(counts)))
     mean, drawn = (
         np.bincount(at, column) / counts for column in (values, np.concatenate(late))
     )
     level = np.where(counts > _SEVERAL, middle, mean)
-    return _Places(places, np.stack([level, drawn], axis=1), counts, at)
+    place, zero = np.divmod(levels, several)
+    columns = np.stack([level, drawn, *(zero == k for k in range(1, several))], axis=1)
+    count = np.bincount(place, counts)
+    shared = np.stack([np.bincount(place, counts * c) / count for c in columns.T], 1)
+    return _Places(places, shared, count, at)
 
 
 def _matches(earlier: _Places, later: _Places) -> tuple[Int[np.ndarray, " g"], bool]:
@@ -190,9 +200,9 @@ def _matches(earlier: _Places, later: _Places) -> tuple[Int[np.ndarray, " g"], b
 
 def _interpolated(
     source: _Places, keys: Int[np.ndarray, "g k"]
-) -> Float[np.ndarray, "g 2"]:
+) -> Float[np.ndarray, "g l"]:
     """Return the levels at places between those that are known; NaN beyond them."""
-    levels = np.full((len(keys), 2), np.nan)
+    levels = np.full((len(keys), source.levels.shape[1]), np.nan)
     for direction in np.unique(source.keys[:, -1]):
         in_direction, rows = source.keys[:, -1] == direction, keys[:, -1] == direction
         places = source.keys[in_direction, :-1].astype(float)

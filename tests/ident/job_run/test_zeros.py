@@ -88,6 +88,81 @@ def test_measurements_of_other_places_are_proven_by_blocks(tmp_path: Path) -> No
     assert np.max(np.abs(left(result, tmp_path))) < 1.2e-3
 
 
+OWN = {
+    "offset": {"a": "offset", "b": "offset"},
+    "datum": {"a": "none", "b": "none"},
+    "one of them": {"a": "none", "b": "offset"},
+}
+
+
+def halves(
+    folder: Path, removed: str, zeros: tuple[float, float], times: float = 0.0
+) -> Path:
+    """Two measurements that meet in the middle, with a list that acts so many times."""
+    folder.mkdir()
+    lists = folder.parent / "out"
+    for name, part, zero in (("a", NODES[:8], zeros[0]), ("b", NODES[5:], zeros[1])):
+        there = np.tile(np.concatenate([part, part[::-1]]), 3)
+        seen = error(there) + zero
+        if times:
+            seen += times * offsets(lists, 1, A1=there, D=np.ones(len(there)))
+        # The second measurement has noise of its own.
+        noise = np.random.default_rng(len(part) + bool(times)).normal(size=len(there))
+        run = np.repeat(np.arange(3), 2 * len(part))
+        table(
+            folder / f"{name}.csv",
+            "position,error,run",
+            there,
+            seen + 5e-4 * noise,
+            run,
+        )
+    path = job(folder, OWN[removed])
+    text = path.read_text()
+    if removed == "datum":
+        text = text.replace('remove = "none"', "datum = { at = 300.0 }")
+    if times:
+        text = text.replace('.csv"', '.csv"\nactive = ["leadscrew"]')
+        text = text.replace("= 1\n", f"= 1\nlist = '{lists / 'achskw1.lis'}'\n", 1)
+    path.write_text(text)
+    return path
+
+
+@pytest.mark.parametrize("runs", [True, False])
+@pytest.mark.parametrize("removed", ["offset", "datum"])
+def test_figures_of_measurements_with_a_zero_each_are_those_of_one_zero(
+    tmp_path: Path, removed: str, runs: bool
+) -> None:
+    path = halves(tmp_path / "first", removed, (0.0, 0.02))
+    if not runs:
+        path.write_text(path.read_text().replace('run = "run"\n', ""))
+    result = run_job(path, tmp_path / "out")
+    rest = left(result, tmp_path)
+    # 6 to 12 readings per node of 0.5 µm, and the zero of one by those where they meet.
+    assert np.max(np.abs(rest - rest.mean())) < 8e-4
+    (screw,) = result.fits
+    assert screw.error["predicted"].rms < 8e-4
+    assert screw.error["from_file"].rms < 8e-4
+    assert not any("Run after run" in remark.message for remark in screw.remarks)
+
+
+@pytest.mark.parametrize("times", [1.0, -1.0])
+@pytest.mark.parametrize("removed", [*OWN])
+def test_a_list_is_judged_by_measurements_with_a_zero_each(
+    tmp_path: Path, removed: str, times: float
+) -> None:
+    first = halves(tmp_path / "first", removed, (0.0, 0.02))
+    run_job(first, tmp_path / "out")
+    again = halves(tmp_path / "again", removed, (0.0, -0.015), times)
+    (screw,) = run_job(first, tmp_path / "out", after=again).fits
+    assert screw.again is not None
+    assert screw.again.diagnosis is not None
+    wanted = "right" if times > 0 else "sign"
+    assert screw.again.diagnosis.verdict == wanted
+    # Of 20 µm in the mean and 8 µm about it nothing is left, or twice as much.
+    assert screw.again.rms is not None
+    assert (screw.again.rms < 8e-4) == (times > 0)
+
+
 def test_a_slope_of_another_axis_is_no_part_of_it(tmp_path: Path) -> None:
     laser(tmp_path / "a.csv", [0.0] * 3, 1)
     laser(tmp_path / "b.csv", [0.04] * 3, 2)
