@@ -316,6 +316,36 @@ def test_runs_zeroed_anew_tell_the_coefficient(tmp_path: Path) -> None:
     assert any("Runs have no offset of their own" in r.message for r in both.remarks)
 
 
+@pytest.mark.parametrize("first", ["offset", "none"])
+def test_days_that_have_a_zero_each_tell_law_and_offset(
+    tmp_path: Path, first: str
+) -> None:
+    warm_up(tmp_path)
+    rows = np.genfromtxt(tmp_path / "warm.csv", delimiter=",", names=True)
+    (tmp_path / "warm.csv").rename(tmp_path / "monday.csv")
+    noise = NOISE * np.random.default_rng(5).normal(size=len(rows))
+    friday = (rows["t"] + 4 * 86400.0, rows["x"], rows["e"] + 0.02 + noise)
+    write(tmp_path, ("t", "x", "e", "frame"), (*friday, rows["frame"]))
+    text = JOB.format(
+        axis="", measured='remove = "offset"', columns=FRAME, keys=AUTO, gate=""
+    )
+    head, fits = text.split("[[fits]]")
+    monday = head.partition("[measurements.warm]")[2].replace("warm", "monday")
+    monday = monday.replace('"offset"', f'"{first}"')
+    fits = fits.replace('measurement = "warm"', 'measurements = ["monday", "warm"]')
+    path = tmp_path / "job.toml"
+    path.write_text(f"{head}[measurements.monday]{monday}[[fits]]{fits}")
+    (found,) = run_job(path, tmp_path / "out").fits
+    assert isinstance(found, TemperatureResult)
+    assert found.fit.reference_deviation is not None
+    assert abs(found.reference - CROSSING) < 3 * found.fit.reference_deviation < 10.0
+    assert found.law is not None
+    slope = np.ptp(found.law.coefficient) / np.ptp(found.law.temperature)
+    assert slope == pytest.approx(1e6 * GROWTH, rel=0.005)  # three deviations
+    # Noise of the readings, of the second day with its own beside that of the first.
+    assert found.error["from_file"].rms < 1.4 * NOISE
+
+
 def test_two_sensors_share_one_table(tmp_path: Path) -> None:
     rng = np.random.default_rng(1)
     time = np.arange(0.0, 4 * 3600.0, 60.0)

@@ -162,19 +162,22 @@ class _HeldOut:
         data = dataclasses.replace(data, temperature=theta)
         line = line.lagging(dict.fromkeys(theta, 0.0))
         error, residual = data.error[line.axis], np.zeros(len(folds))
-        run = data.run_of(line.axis)
+        run, ones = data.run_of(line.axis), np.ones(len(folds))
+        own = ones == (run is None) if data.own_zero is None else data.own_zero
         for fold in np.unique(folds):
             held, training = folds == fold, np.flatnonzero(folds != fold)
             placed = place_nodes(line, data, training)
             columns = placed.rows(placed.columns_of(data))[1]
-            if run is not None:  # each has a zero of its own, which tells nothing
-                columns, error = about_runs(columns, run), about_runs(error, run)
-            elif "offset" not in line.sensors:
-                columns = np.column_stack([columns, np.ones(len(folds))])
+            if "offset" not in line.sensors:
+                columns = np.column_stack([columns, ones])
+            if run is not None:  # a zero that is the instrument's tells nothing
+                columns = np.where(own[:, None], columns, about_runs(columns, run))
+                error = np.where(own, error, about_runs(error, run))
             root = np.sqrt(self.share[training])
             design = columns[training] * root[:, None]
             values, _, rank, _ = np.linalg.lstsq(design, error[training] * root)
-            if rank < columns.shape[1]:
+            # The constant of all is one of the columns, or the sum of those of the offset.
+            if rank < columns.shape[1] - (not own.any()):
                 msg = "the others do not tell the law."
                 raise FitError(msg)
             for warm in theta.values():
