@@ -63,8 +63,9 @@ def longer_than(
     return (
         f"Measurement {one!r} shows the axis longer than {other!r} does, by {1e6 * slope:.2g}"
         f" µm/m, as steel grows in {slope / _STEEL:.2g} K: state how warm the axis was in each"
-        ' (expansion and material_temperature), remove = "line" where the slope is the'
-        " instrument's, or fit a temperature in one group with it"
+        " (expansion and material_temperature), leave out the one whose slope is the instrument's"
+        ' (or state remove = "line" in all, and the list has no slope), or fit a temperature in one'
+        " group with it"
     )
 
 

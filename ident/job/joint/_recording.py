@@ -277,7 +277,8 @@ def _own_zero(
             others = ", ".join(name for name in kinds if name not in lines)
             reason = (
                 f'found "line" beside {others}, whose slope is the machine\'s, expected one'
-                f" of both for measurements of {axis} that are fitted together"
+                f" of both for measurements of {axis} that are fitted together: leave"
+                f' {", ".join(lines)} out, or state "line" in all, and the list has no slope'
             )
             raise job.error(("measurements", lines[0], "remove"), reason)
         mixed |= len({*kinds.values()}) > 1

@@ -70,9 +70,20 @@ def test_a_slope_of_one_instrument_beside_that_of_the_machine_is_refused(
 ) -> None:
     laser(tmp_path / "a.csv", [0.0] * 3, 1)
     laser(tmp_path / "b.csv", [0.04] * 3, 2)
+    columns = np.genfromtxt(tmp_path / "b.csv", delimiter=",", names=True)
+    place, seen = columns["position"], columns["error"] - 1e-4 * columns["position"]
+    table(tmp_path / "b.csv", "position,error,run", place, seen, columns["run"])
+    (screw,) = run_job(job(tmp_path, dict.fromkeys("ab", "none")), tmp_path / "o").fits
+    said = " ".join(remark.message for remark in screw.remarks)
+    advice = "leave out the one whose slope is the instrument's"
+    assert f'{advice} (or state remove = "line" in all' in said
     path = job(tmp_path, {"a": "none", "b": "line"})
-    with pytest.raises(JobError, match=r'found "line" beside a, whose slope is the'):
+    words = r'found "line" beside a, whose slope .* leave b out, or state "line" in all'
+    with pytest.raises(JobError, match=words):
         run_job(path, tmp_path / "out")
+    for followed in ({"a": "none"}, {"a": "line", "b": "line"}):
+        (screw,) = run_job(job(tmp_path, followed), tmp_path / "out").fits
+        assert screw.error["predicted"].rms < 8e-4  # readings of 0.5 µm
 
 
 def test_measurements_of_other_places_are_proven_by_blocks(tmp_path: Path) -> None:
