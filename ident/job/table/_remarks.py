@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.special import stdtrit
 
 from ....data.measurements import Measurement
 from ...exchange import AbstractTable
 from ...readings import Readings
 from ..result._result import Remark, SampleView, some_of
+from ._run_remarks import SEEN, TINY, run_remarks
 
 if TYPE_CHECKING:
     from ..file._load import Job
@@ -43,18 +43,12 @@ _TURNED = 3.0
 
 _WIDE = 0.75
 """Share of the distance of nodes that readings may lie apart, and nodes be too far apart."""
-SEEN, TINY = 5.0, 1e-3
-"""Deviations of a reading, and mm or °, by which a table changes beyond its readings unsaid."""
-
 _EDGE, _SURE = 1e-3, 4.0
 """Share of the distance of nodes within which a reading lies at the last one; deviations of the
 mean of what a table leaves there that are not by chance."""
 
 _OVERRUN = 0.01
 """Share of the travel by which a reading may lie beyond the limits: runs begin before them."""
-
-_IN_A_ROW, _SURELY = 4, 0.98
-"""Runs that tell a creep from chance, and how surely."""
 
 _COPIED = 8
 """Different readings from which on it is no chance that all of them come again."""
@@ -125,23 +119,8 @@ def fit_remarks(
         )
         words += "." + again * (lost > SEEN * fit.noise)
         yield Remark.warning(f"Readings contradict their surroundings at {words}")
-    if fit.suspect_runs:
-        runs = ", ".join(str(run) for run in fit.suspect_runs)
-        counts = "does not count in their mean"
-        if fit.loss == "gauss":
-            counts = 'counts in their mean all the same (loss = "gauss")'
-        yield Remark.warning(f"Contradicts the other runs, and {counts}: run {runs}.")
-    yield from _torn_remarks(draft)
-    if fit.runs:
-        largest = max(abs(run.offset) for run in fit.runs)
-        effect = "offset and drift" if draft.run_effects == "drift" else "offset"
-        yield Remark.info(
-            f"Each of the {len(fit.runs)} runs was allowed an {effect} of its own"
-            f" (offsets up to {draft.small(largest, '.1f')}); the table keeps their"
-            " mean."
-        )
-        yield from _creep_remarks(draft)
-    elif draft.run_effects == "none":
+    yield from run_remarks(draft)
+    if not fit.runs and draft.run_effects == "none":
         if count <= _SPARSE * fit.support.size:
             clause = "is not in the standard deviations"
             if fit.line_offset:
@@ -156,56 +135,6 @@ def fit_remarks(
             )
     if not fit.converged or fit.loss != draft.fit.loss:
         yield Remark.warning(fit.message)
-
-
-def _torn_remarks(draft: "TableDraft") -> Iterator[Remark]:
-    """Return where some runs contradict the others on a part of their way."""
-    apart, readings = draft.estimate.apart, draft.readings
-    if not apart.any() or readings.run is None:
-        return
-    torn = apart != 0.0
-    where = " and ".join(
-        f"{name} = {column.min():g} to {column.max():g}"
-        for name, column in zip(draft.fit.over, readings.positions[torn].T, strict=True)
-    )
-    far = draft.small(float(np.median(np.abs(apart[torn]))))
-    named = ", ".join(str(run) for run in np.unique(readings.run[torn]))
-    yield Remark.warning(
-        f"Runs contradict each other at {where}, run {named} by {far}, as no offset or drift"
-        " explains. Which of them are right nobody can tell: the table lies between them, and"
-        " its standard deviations hold that. Find out what happened there, and measure again, or"
-        " leave what is wrong out (skip)."
-    )
-
-
-def _creep_remarks(draft: "TableDraft") -> Iterator[Remark]:
-    """Return a doubt where run after run lies further on.
-
-    What goes on from run to run goes on within each of them, too, and there a table takes it
-    for the axis: for lost motion where a run turns, for a slope where it does not.
-    """
-    runs, readings = draft.estimate.runs, draft.readings
-    if len(runs) < _IN_A_ROW or readings.run is None:
-        return
-    begin = [
-        readings.order[readings.run == run.run].min(initial=np.inf) for run in runs
-    ]
-    offsets = np.array([run.offset for run in runs])[np.argsort(begin, kind="stable")]
-    place = np.arange(len(runs)) - (len(runs) - 1) / 2.0
-    step = float(place @ offsets / (place @ place))
-    rest = offsets - offsets.mean() - step * place
-    scatter = np.sqrt(np.sum(rest**2) / (len(runs) - 2) / (place @ place))
-    by_chance = np.sqrt(np.mean([run.offset_sd**2 for run in runs]) / (place @ place))
-    sure = float(max(stdtrit(len(runs) - 2, _SURELY) * scatter, 3.0 * by_chance))
-    if abs(step) <= max(sure, draft.estimate.noise, TINY):
-        return
-    taken = "lost motion" if draft.plan.table.layout.branches > 1 else "slope"
-    yield Remark.warning(
-        f"Run after run lies {draft.small(step, '+.1f')} further on, as while a machine or an"
-        f" instrument warms up. Within a run it goes on as well, and the table holds up to"
-        f" {draft.small(abs(step), '.1f')} of it as {taken} of {draft.axis}. Let it come to rest,"
-        " and measure again."
-    )
 
 
 def _beyond_readings(draft: "TableDraft") -> Iterator[Remark]:

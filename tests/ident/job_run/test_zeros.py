@@ -65,6 +65,20 @@ def test_an_arbitrary_zero_has_no_say_in_the_constant_of_a_list(
     assert not any("Contradicts" in remark.message for remark in screw.remarks)
 
 
+@pytest.mark.parametrize("creeps", [False, True])
+def test_zeros_of_two_measurements_are_told_from_a_creep(
+    tmp_path: Path, creeps: bool
+) -> None:
+    step = 0.004 * np.arange(6.0) if creeps else 0.02 * np.repeat([0.0, 1.0], 3)
+    laser(tmp_path / "a.csv", step[:3].tolist(), 1)
+    laser(tmp_path / "b.csv", step[3:].tolist(), 2)
+    path = job(tmp_path, {"a": "none", "b": "none"})
+    (screw,) = run_job(path, tmp_path / "out").fits
+    said = " ".join(remark.message for remark in screw.remarks)
+    assert ("Run after run lies +4.0 µm further on" in said) == creeps
+    assert ("Measurement 'b' lies 20 µm above 'a', and the runs" in said) != creeps
+
+
 def test_a_slope_of_one_instrument_beside_that_of_the_machine_is_refused(
     tmp_path: Path,
 ) -> None:
