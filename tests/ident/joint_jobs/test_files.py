@@ -240,6 +240,7 @@ def test_an_exponential_warming_leaves_clocks_that_agree_as_they_are(
     assert "the offset between them is not determined by X.error" in words
     thermal = found.fits[1]
     assert isinstance(thermal, TemperatureResult)
+    assert thermal.fit.coefficient is not None
     # Noise of 0.02 K and 0.5 µm in 680 readings; a clock 5000 s off makes it 7 times as steep.
     assert thermal.fit.coefficient.slope[0] == pytest.approx(11e-6, rel=0.02)
 
