@@ -106,13 +106,14 @@ def held_beyond(draft: TableDraft) -> TableDraft:
             (int(reached[0]), range(reached[0] - 1, -1, -1)),
             (int(reached[-1]), range(reached[-1] + 1, shape[1])),
         ):
-            far = float(np.abs(curve[beyond] - curve[edge]).max(initial=0.0))
-            if len(beyond) < 2 or far <= least:
-                continue
             way = [edge, *beyond]
             # Without another direction it is itself, which was not read there.
             beside = read[branch - 1, way[:-1]] & read[branch - 1, beyond]
-            curve[beyond] = curve[edge] + np.cumsum(beside * np.diff(other[way]))
+            gone = curve[edge] + np.cumsum(beside * np.diff(other[way]))
+            off = np.abs(curve[beyond] - [gone, np.full(len(gone), curve[edge])])
+            if len(beyond) < 2 or off.max() <= least:
+                continue
+            curve[beyond] = gone
             low, high = sorted((nodes[beyond[0]], nodes[beyond[-1]]))
             does = "follows the other direction" if beside.any() else "holds its edge"
             said.setdefault((low, high, does), []).append("+−"[branch])

@@ -106,6 +106,34 @@ def test_a_table_that_goes_on_beyond_its_readings_is_doubted(
     assert not far or np.ptp(entries[4:]) == 0.0
 
 
+def test_a_direction_that_was_not_read_follows_the_other_where_that_bends(
+    tmp_path: Path,
+) -> None:
+    place = np.arange(0.0, 801.0, 50.0)
+
+    def error(x: np.ndarray) -> np.ndarray:
+        return np.where(x < 200.0, 0.05 * (x - 200.0) / 1000.0, 0.0)
+
+    # Level where + was read: what is smooth goes on level.
+    ways = [(place[place >= 200.0], 1), (place[::-1], -1)] * 3
+    where = np.concatenate([at for at, _ in ways])
+    way = np.concatenate([np.full(len(at), sign) for at, sign in ways])
+    noise = 2e-4 * np.random.default_rng(0).normal(size=len(where))
+    read = where + error(where) - 0.002 * (way < 0) + noise
+    table(tmp_path / "laser.csv", "target,actual,direction", where, read, way)
+    text = screw_job(tmp_path).read_text()
+    for line in ("smoothness = 0", 'loss = "gauss"'):
+        text = text.replace(line, "")
+    text = text.replace("points = 5", "points = 17").replace("= 100.0", "= 50.0")
+    (tmp_path / "job.toml").write_text(text)
+    (fit,) = run_job(tmp_path / "job.toml", tmp_path / "out").tables
+    said = " ".join(remark.message for remark in fit.remarks)
+    assert "X = 0 to 150: there the table follows the other direction" in said
+    # Three readings a node of 0.2 µm, and the gap once more.
+    off = fit.table["pos"] - error(place)
+    assert np.abs(off).max() < 0.001
+
+
 def test_a_flat_table_may_go_on_beyond_its_readings(tmp_path: Path) -> None:
     there = np.tile(np.arange(0.0, 401.0, 50.0), 4)
     error = 0.012 + 2e-4 * np.random.default_rng(0).normal(size=len(there))
