@@ -362,6 +362,39 @@ def test_a_table_knows_that_few_runs_do_not_tell_their_mean() -> None:
     assert np.max(own.standard_deviation.pos) < 1e-4
 
 
+def repeated(runs: int, own: np.ndarray, seed: int) -> Any:
+    """Return a screw of 21 nodes, run there and back, each with an error of its own as well."""
+    rng, nodes = np.random.default_rng(seed), np.linspace(0.0, 400.0, 21)
+    place = np.tile(np.concatenate([nodes, nodes[::-1]]), runs)
+    error = 0.01 * np.sin(place / 60.0) + own + 5e-4 * rng.normal(size=place.size)
+    data = {"X.position": place, "X.error": error, "run": np.repeat(range(runs), 42)}
+    screw = axcomp.Leadscrew("X", start=0, interval=20, points=21)
+    return axcomp.fit([screw], data)["leadscrew"]
+
+
+@pytest.mark.parametrize("runs", [5, 20])
+def test_slopes_of_runs_leave_the_mean_of_a_table_certain(runs: int) -> None:
+    slopes = 1e-3 * np.random.default_rng(8).normal(size=runs)
+    line = np.linspace(-1.0, 1.0, 21)
+    own = np.outer(slopes, np.concatenate([line, line[::-1]])).ravel()
+    found = repeated(runs, own, 9)
+    # 0.5 µm in 42 readings per run; as a drift over all of them it was 1.2 µm, however many.
+    assert 0.5 < found.common / (5e-4 / np.sqrt(42.0 * runs)) < 4.0
+    # The ends err by the mean of the slopes: half to twice that, as runs tell it of themselves.
+    ends = np.asarray(found.standard_deviation.pos)[[0, -1]]
+    mean = np.std(slopes, ddof=1) / np.sqrt(runs)
+    assert np.all((0.5 * mean < ends) & (ends < 2.0 * mean))
+
+
+def test_a_reference_that_wanders_through_all_runs_leaves_their_mean_uncertain() -> (
+    None
+):
+    walk = 1e-4 * np.random.default_rng(3).normal(size=210).cumsum()
+    found = repeated(5, walk, 9)
+    # Some 1 µm from its beginning on; what the runs differ by, as if each was by itself, says half.
+    assert found.common > 3e-4
+
+
 @pytest.mark.other_types
 @pytest.mark.parametrize(
     ("options", "message"),

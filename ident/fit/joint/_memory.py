@@ -5,7 +5,9 @@ What a reference does that is no stated drift stays in the residual, and looks t
 through the solution, is the variance that the values really have (the "sandwich" of robust
 statistics, clustered in time). It is compared per effect with that of the same residual in
 another order. Where a drift shows and the unknowns are few enough, the variance is that under
-the drift (`DriftNoise`): stretches of a short recording may be as short as its memory.
+the drift (`DriftNoise`): stretches of a short recording may be as short as its memory. Runs of
+which each has a slope of its own look like one, too: where these stand says how far a drift goes
+between them, and what each of them makes of a value is a score, as that of a stretch is.
 """
 
 import dataclasses
@@ -23,6 +25,8 @@ from ...core import (
     variances_of_sums,
 )
 from .._identifiable import SINGULAR, pivoted
+from .._result import doubt_of_means
+from ._effect import Rank
 
 if TYPE_CHECKING:
     from ._axis import AxisFit
@@ -33,6 +37,8 @@ _LARGE = 1 << 18
 """Readings × unknowns up to which the drift itself is estimated."""
 _DRAWS = 4
 """Other orders of the residual."""
+_RUNS = 3
+"""Runs at least whose scatter is that of many."""
 _CHANCE = 1.8
 """Ratio of variances up to which 24 stretches differ by chance, at two deviations."""
 _TURNS, _ALIKE = 3, 12.0
@@ -74,7 +80,7 @@ class Memory:
             return np.asarray(white * self._swell)
         sums = variances_of_sums(self.drift, self._clock, self._moves)
         scatter = self.fit.estimate.scatter[0] * np.square(self._moves).sum(axis=0)
-        return np.asarray(white + sums - scatter)
+        return np.maximum(white + sums - scatter, self._between_runs)
 
     def covariance(
         self, places: Int[np.ndarray, " k"], white: Float[np.ndarray, "k k"]
@@ -84,8 +90,12 @@ class Memory:
             swell = np.sqrt(self._swell[places])
             return np.asarray(white * np.outer(swell, swell))
         scatter, moves = self.fit.estimate.scatter[0], self._moves[:, places]
-        more = beyond_white(self.drift, self._clock, moves, scatter)
-        return np.asarray(white + more)
+        result = white + beyond_white(self.drift, self._clock, moves, scatter)
+        # What a rule holds has a variance by rounding only.
+        variance = np.maximum(np.diag(result), SINGULAR * result.max(initial=0.0))
+        excess = self._between_runs[places] / np.maximum(variance, 1e-300)
+        swell = np.sqrt(np.maximum(excess, 1.0))
+        return np.asarray(result * np.outer(swell, swell))
 
     def swell_along(self, direction: Float[np.ndarray, " r"]) -> float:
         """Return the factor of the variance of a parameter, given its direction, ≥ 1."""
@@ -164,6 +174,47 @@ class Memory:
 
     @cached_property
     def _moves(self) -> Float[np.ndarray, "s n"]:
+        """How each of them moves the values where it drifts.
+
+        That moves the mean of the runs by no more than the runs differ.
+        """
+        moves, runs = self._moves_under_rules, self._runs
+        if not runs.shape[1]:
+            return moves
+        basis = _basis(runs)
+        levels = basis @ (basis.T @ moves)
+        effects = self.fit.runs()
+        # Those of runs by themselves; in a drift all err alike.
+        apart = doubt_of_means(effects)[0] * np.sqrt(len(effects))
+        most = np.square(apart * np.abs(runs.T @ moves).sum(axis=0))
+        assert self.drift is not None  # asked for only then
+        moved = variances_of_sums(self.drift, self._clock, levels)
+        kept = np.sqrt(np.minimum(most / np.maximum(moved, 1e-300), 1.0))
+        return np.asarray(moves - (1.0 - kept) * levels)
+
+    @cached_property
+    def _between_runs(self) -> Float[np.ndarray, " n"]:
+        """Variance of each value by what the runs make of it; 0 without several.
+
+        Each run may have a slope of its own: that is no drift, which goes on between them.
+        """
+        runs = self._runs
+        count = len(self.fit.design.course.runs)
+        if count < _RUNS:
+            return np.zeros(self.fit.design.size)
+        within = runs.reshape(len(runs), count, -1).sum(axis=2)
+        pseudo = self.pseudo[self._believed]
+        scores = (within * pseudo[:, None]).T @ self._moves_under_rules
+        return np.asarray(np.square(scores).sum(axis=0) * count / (count - 1.0))
+
+    @cached_property
+    def _runs(self) -> Float[np.ndarray, "s r"]:
+        """Columns of where the runs stand."""
+        places = self.fit.design.places_of_rank(Rank.RUNS)
+        return self.fit.design.columns[self._believed][:, places].toarray()
+
+    @cached_property
+    def _moves_under_rules(self) -> Float[np.ndarray, "s n"]:
         """How each of them moves the values under the rules."""
         columns = self.fit.design.columns[self._believed].toarray()
         moves = self.fit.estimate.posterior.factor.solve(
@@ -178,10 +229,14 @@ def drift_beside(
     pseudo: Float[np.ndarray, " s"],
 ) -> DriftNoise | None:
     """Return how residuals scatter beside columns that were fitted; None where none drifts."""
-    basis, size, _ = pivoted(columns)
-    independent = basis[:, size > SINGULAR * size.max(initial=0.0)]
-    noise = find_drift(clock, independent, pseudo, np.ones(len(pseudo)))
+    noise = find_drift(clock, _basis(columns), pseudo, np.ones(len(pseudo)))
     return noise if noise.drift > 0.0 else None
+
+
+def _basis(columns: Float[np.ndarray, "s k"]) -> Float[np.ndarray, "s b"]:
+    """Return orthonormal columns that span the same."""
+    basis, size, _ = pivoted(columns)
+    return basis[:, size > SINGULAR * size.max(initial=0.0)]
 
 
 def beyond_white(
