@@ -420,10 +420,15 @@ def folds(
 
 
 def _turns(order: Float[np.ndarray, " t"]) -> Int[np.ndarray, " t"]:
-    """Return the turn of each reading, stretch by stretch."""
+    """Return the turn of each reading, stretch by stretch.
+
+    The turns of one round begin two after those of the last: else two, four or eight passes there
+    and back have all readings of a place in one turn, and the end of the travel is extrapolated.
+    """
     rank = np.empty(len(order), dtype=np.int64)
     rank[np.argsort(order, kind="stable")] = np.arange(len(order))
-    return np.asarray(rank * _BLOCKS // max(len(order), 1) % _FOLDS)
+    stretch = rank * _BLOCKS // max(len(order), 1)
+    return np.asarray((stretch + 2 * (stretch // _FOLDS)) % _FOLDS)
 
 
 def _held_out_together(
