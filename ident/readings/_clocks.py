@@ -207,6 +207,7 @@ def find_offset(
         around = place - step, place + step
         lower = minimize_scalar(refutation, bounds=around, method="bounded").x
         rivals += [at for at in (place, float(lower)) if refutation(at) < _REFUTED**2]
+    known: float | None = deviation
     if rivals or not deviation < search:
         if refutation(0.0) >= _AGREES**2:
             msg = (
@@ -214,7 +215,7 @@ def find_offset(
                 f" {max([*rivals, optimum]):.4g} s fit about as well."
             )
             raise FitError(msg)
-        optimum, deviation = 0.0, None
+        optimum, known = 0.0, None
     spread = max(float(np.var(signal[common])), 1e-300)
     explained = 1.0 - float(np.var(regression.residual[~regression.wild])) / spread
     if explained < _ALIKE:
@@ -223,7 +224,7 @@ def find_offset(
             f" scatter of the other, expected {100 * _ALIKE:.0f} % at least."
         )
         raise FitError(msg)
-    return Offset(optimum, deviation, explained)
+    return Offset(optimum, known, explained)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -268,12 +269,12 @@ class _Pair:
         value = np.linalg.lstsq(columns, self.signal[common], rcond=None)[0]
         left = self.signal[common] - columns @ value
         most = 5.0 * np.median(np.abs(left)) + 1e-300
-        return np.clip(left, -most, most)
+        return np.asarray(np.clip(left, -most, most))
 
 
 def _deviance(ratio: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
     """Return that of Student's t with 4 degrees of freedom, where wild readings weigh little."""
-    return 5.0 * np.log1p(np.square(ratio) / 4.0)
+    return np.asarray(5.0 * np.log1p(np.square(ratio) / 4.0))
 
 
 def _lowest(
@@ -282,7 +283,7 @@ def _lowest(
     """Return where values are lowest among their neighbours."""
     padded = np.pad(values, 1, constant_values=_NEVER)
     low = (values < _NEVER) & (values <= padded[:-2]) & (values <= padded[2:])
-    return places[low].tolist()
+    return [float(place) for place in places[low]]
 
 
 def _coarse(

@@ -80,7 +80,7 @@ class Memory:
             return np.asarray(white * self._swell)
         sums = variances_of_sums(self.drift, self._clock, self._moves)
         scatter = self.fit.estimate.scatter[0] * np.square(self._moves).sum(axis=0)
-        return np.maximum(white + sums - scatter, self._between_runs)
+        return np.asarray(np.maximum(white + sums - scatter, self._between_runs))
 
     def covariance(
         self, places: Int[np.ndarray, " k"], white: Float[np.ndarray, "k k"]
@@ -211,7 +211,7 @@ class Memory:
     def _runs(self) -> Float[np.ndarray, "s r"]:
         """Columns of where the runs stand."""
         places = self.fit.design.places_of_rank(Rank.RUNS)
-        return self.fit.design.columns[self._believed][:, places].toarray()
+        return np.asarray(self.fit.design.columns[self._believed][:, places].toarray())
 
     @cached_property
     def _moves_under_rules(self) -> Float[np.ndarray, "s n"]:

@@ -35,7 +35,8 @@ from ._log_readings import in_pieces
 from ._passes import as_passes_differ, nearest_node, of_both_ways
 from ._plan import Plan
 from ._readings import read_fit, with_one_zero
-from ._remarks import LOG, SEEN, TINY, doubt_of_places, limit_remarks, outside
+from ._remarks import LOG, doubt_of_places, limit_remarks, outside
+from ._run_remarks import SEEN, TINY
 from ._trend import refuse_unowned_trend
 
 if TYPE_CHECKING:

@@ -10,7 +10,8 @@ from ...fit import Samples, TableFit, as_alike, fit_table
 from ...readings import Readings
 from ..result._result import Remark
 from ._plan import Plan
-from ._remarks import LOG, SEEN, TINY
+from ._remarks import LOG
+from ._run_remarks import SEEN, TINY
 
 _PASS, _PASSES, _ALIKE = 0.25, 10, 2.0
 """Share of the longest pass of a node that one has at least; passes beyond the first of each

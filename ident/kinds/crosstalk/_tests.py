@@ -182,7 +182,8 @@ def _line(
 ) -> Float[np.ndarray, " _p"]:
     """Return so many of the places at which an axis stood, or evenly spaced over its events."""
     if stops.size:
-        return stops[np.round(np.linspace(0, len(stops) - 1, count)).astype(int)]
+        chosen = np.linspace(0, len(stops) - 1, count).round().astype(int)
+        return np.asarray(stops[chosen])
     return _rounded(np.linspace(column.min(), column.max(), count))
 
 

@@ -185,9 +185,9 @@ def _places(
     )
     level = np.where(counts > _SEVERAL, middle, mean)
     place, zero = np.divmod(levels, several)
-    columns = np.stack([level, drawn, *(zero == k for k in range(1, several))], axis=1)
+    shares = (level, drawn, *(zero == k for k in range(1, several)))
     count = np.bincount(place, counts)
-    shared = np.stack([np.bincount(place, counts * c) / count for c in columns.T], 1)
+    shared = np.stack([np.bincount(place, counts * c) / count for c in shares], axis=1)
     return _Places(places, shared, count, at)
 
 
