@@ -25,6 +25,7 @@ _WORDS = {
     "before": "as measured",
     "predicted": "predicted",
     "from_file": "under the file",
+    "table": "table turned round",
 }
 _COLOURS = {"before": "#b5541c", "predicted": "#7a7a7a", "from_file": "#1f6f8b"}
 
@@ -99,6 +100,15 @@ HAVING count(DISTINCT (coalesce(machine_id, job), axis_number)) > 1 ORDER BY job
 """
 """Jobs of different axes that hold the same readings: no two of them scatter alike."""
 
+_TABLES = """
+SELECT job, machine_id AS machine, axis, compensation, unit, "table" FROM fits
+WHERE len("table") BETWEEN 1 AND 1000
+"""
+"""Tables that are compared; larger ones of a large fleet would fill the memory."""
+_FLEET, _TURNED = 10, 0.5
+"""Fits of a kind that make a fleet, and the part of its median table that each holds, or that one
+holds turned round."""
+
 _Rows = tuple[dict[str, Any], ...]
 
 
@@ -119,7 +129,9 @@ class Summary:
         spreads: Errors (rms) by ``compensation`` and ``unit``: ``count`` of the fits, and by
             stage median, 90th and 99th percentile, and maximum.
         outliers: Fits whose error is ``times`` the median of their kind, worst first; also
-            those that measured next to nothing.
+            those that measured next to nothing. Before them, where tables of a fleet are
+            alike, those that hold them turned round (stage ``table``, negative ``times``): a
+            sign, or readings of the other direction.
         trends: Axes whose measured error (``figure``: rms, or B of ISO 230-2) grows or shrinks
             steadily, fastest first.
         twins: Jobs of different axes that hold the same readings: one has the file of another.
@@ -166,6 +178,7 @@ def summarise(folder: Path, history: Sequence[Path] = ()) -> Summary:
         spreads = found(_SPREADS, shares=_SHARES)
         curves = found(_SPREADS, shares=_CURVE.tolist())
         outliers, trends, twins = map(found, (_OUTLIERS, _TRENDS, _TWINS))
+        turned = _turned(found(_TABLES))
     reasons = Counter(map(_plain_reason, rows.filter(~done)["reason"].to_pylist()))
     failed = filter(None, fits["gate_failed"].to_pylist())
     gate = Counter(itertools.chain.from_iterable(failed))
@@ -180,7 +193,7 @@ def summarise(folder: Path, history: Sequence[Path] = ()) -> Summary:
         no_gain=sum("no_gain" in (why or ()) for why in waiting["reasons"].to_pylist()),
         verdicts=dict(Counter(filter(None, fits["verdict"].to_pylist()))),
         spreads=spreads,
-        outliers=outliers,
+        outliers=(*turned, *outliers),
         trends=trends,
         twins=twins,
     )
@@ -196,6 +209,26 @@ def summarise(folder: Path, history: Sequence[Path] = ()) -> Summary:
     )
     write_atomically(folder / _PAGE, html.encode())
     return summary
+
+
+def _turned(fits: _Rows) -> _Rows:
+    """Return the fits whose table is that of the others of its kind turned round."""
+    kinds: dict[tuple[str, str, int], list[dict[str, Any]]] = {}
+    for row in fits:
+        kind = row["compensation"], row["axis"], len(row["table"])
+        kinds.setdefault(kind, []).append(row)
+    found = []
+    for rows in kinds.values():
+        tables = np.array([row["table"] for row in rows])
+        middle = np.median(tables, axis=0)
+        if len(rows) < _FLEET or not (middle @ middle > 0.0):
+            continue
+        parts = tables @ middle / (middle @ middle)
+        for row, part in zip(rows, parts.tolist(), strict=True):
+            if np.median(parts) > _TURNED and part < -_TURNED:
+                rms = float(np.sqrt(np.mean(np.square(row.pop("table")))))
+                found.append(row | {"stage": "table", "rms": rms, "times": part})
+    return tuple(found)
 
 
 def _plain_reason(reason: str | None) -> str:

@@ -227,3 +227,24 @@ def test_a_log_of_a_current_says_what_tells_its_sign(tmp_path: Path) -> None:
     remarks = " ".join(logged(tmp_path, FRICTION).remarks)
     assert "write friction_sign with its present value under [verified]" in remarks
     assert "drive_position" not in remarks
+
+
+def test_a_current_logged_in_another_unit_is_no_list_that_does_not_act(
+    tmp_path: Path,
+) -> None:
+    motion = Motion(COMMAND, {}, TIME)
+    (one,) = simulate((FRICTION,), motion, Reading(Conventions()))
+    assert one.current is not None
+    columns = {
+        "time": TIME,
+        "A1.position": COMMAND[1],
+        "A1.friction": 0.012 * one.current,
+    }
+    file = tmp_path / "log.csv"
+    np.savetxt(
+        file, np.stack(list(columns.values()), axis=1), fmt="%.9f", delimiter=",",
+        header=",".join(columns), comments="",
+    )  # fmt: skip
+    found = verify_log((FRICTION,), read_log(file), Reading(Conventions()))
+    assert found.verdicts[0].verdict == ("unit",)
+    assert found.verdicts[0].value[0] == pytest.approx(0.012, rel=1e-3)

@@ -88,6 +88,10 @@ def judge_channel(channel: AbstractChannel, result: Found, turned: str = "") -> 
         return silent(f"the log cannot tell: {words}")
     added = float(np.max(np.abs(result.column[rows])))
     idle = best.hypothesis.is_free and abs(best.hypothesis.scale) <= _NOTHING
+    if channel.one.kind.adds_current:
+        # Logged in amperes it is a small part of what the list says, and all that is logged.
+        left = float(np.max(np.abs(result.residual)))
+        idle = idle and left > _NOTHING * added
     if idle or added <= RESOLUTION or result.nothing < best.criterion - EQUAL:
         # Digits of a drive's position follow any table a little, turned and shifted.
         text = "nothing is added: not active, or not logged"

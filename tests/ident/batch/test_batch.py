@@ -7,6 +7,7 @@ import tomllib
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.csv as pv
 import pyarrow.parquet as pq
@@ -639,6 +640,33 @@ def test_a_fit_that_measured_next_to_nothing_stands_out(tmp_path: Path) -> None:
     assert found == [
         ("11", "before")
     ]  # in mm, where µm were stated; a good fit is none
+
+
+def test_a_table_that_is_that_of_the_fleet_turned_round_stands_out(
+    tmp_path: Path,
+) -> None:
+    rng = np.random.default_rng(0)
+    common = rng.normal(0.0, 0.01, 20)
+
+    def row(number: int, share: float, alike: float = 1.0) -> dict[str, object]:
+        own = share * common * alike + 0.002 * rng.normal(size=20) * (3.0 - 2.0 * alike)
+        return {
+            "job": f"{number}", "state": "done", "passed": True, "axis": "X",
+            "verified": True, "compensation": "leadscrew", "unit": "mm",
+            "before_rms": 0.01, "from_file_rms": 1e-3, "gate_failed": [],
+            "table": own.tolist(),
+        }  # fmt: skip
+
+    write_results(tmp_path, [row(k, -1.0 if k == 7 else 1.0) for k in range(14)])
+    (one,) = summarise(tmp_path).outliers
+    assert (one["job"], one["stage"]) == ("7", "table")
+    # The noise of 20 entries is a fifth of them.
+    assert one["times"] == pytest.approx(-1.0, abs=0.15)
+    assert "table turned round" in (tmp_path / "summary.html").read_text()
+    # Tables that have nothing in common are none turned round.
+    unlike = [row(k, -1.0 if k == 7 else 1.0, alike=0.0) for k in range(14)]
+    write_results(tmp_path, unlike)
+    assert not summarise(tmp_path).outliers
 
 
 @pytest.mark.slow
