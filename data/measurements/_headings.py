@@ -142,71 +142,79 @@ def spelled(names: Sequence[Name]) -> tuple[Sequence[Name], tuple[str, ...]]:
             families.setdefault((words, unit), {})[numbers.pop()] = at
     result, remarks = list(names), []
     pairs = {
-        (one, other): differing
+        (one, other): pair
         for one, other in itertools.permutations(families, 2)
         if one[1] == other[1] and families[one].keys() == families[other].keys()
-        if (differing := _directions(one[0], other[0])) is not None
+        if (pair := _pair_of(one[0], other[0])) is not None
     }
-    for (one, other), (word, unknown, side, alike) in pairs.items():
-        mates = sum({one, other} & {*pair} != set() for pair in pairs)
-        known = [heading(names[at].header) for at in (*families[one].values(),)]
-        if unknown and (
-            mates > 1 or not all(each and each.direction for each in known)
-        ):
+    for (one, other), pair in pairs.items():
+        mates = sum({one, other} & {*each} != set() for each in pairs)
+        known = [heading(names[at].header) for at in families[one].values()]
+        sure = all(each and each.direction for each in known) and mates == 1
+        if pair.unknown and not sure:
             continue
-        leg = word in _BY_LETTER or is_leg(word)
-        ways = ("fwd", "back") if leg else ("up", "down")
-        said = [each for each in alike if re.fullmatch(AXIS, each)]
-        kind = kind_said(" ".join(alike))
+        ways = ("fwd", "back") if pair.leg else ("up", "down")
+        said = [word for word in pair.alike if re.fullmatch(AXIS, word)]
+        kind = kind_said(" ".join(pair.alike))
         said += [kind] if kind in _READINGS else []
-        for family, way in zip((one, other), ways[::side], strict=True):
+        for family, way in zip((one, other), ways[:: pair.side], strict=True):
             for run, at in families[family].items():
                 header = " ".join([f"Run {run} {way}", *said])
                 result[at] = dataclasses.replace(names[at], stem=header, header=header)
-        if unknown:
+        if pair.unknown:
             remarks.append(
-                f"The columns of '{unknown}' have the runs and the unit of those in the other"
-                f" direction: they are taken for the {'−' if side > 0 else '+'} direction."
+                f"The columns of '{pair.unknown}' have the runs and the unit of those in the"
+                f" other direction: they are taken for the {'−' if pair.side > 0 else '+'}"
+                " direction."
             )
     return result, tuple(remarks)
 
 
-def _directions(
-    one: Sequence[str], other: Sequence[str]
-) -> tuple[str, str, int, list[str]] | None:
-    """Return how the words of two names differ in their direction, or None.
+@dataclasses.dataclass(frozen=True)
+class _Pair:
+    """Two names that differ in their direction only.
 
-    The first's word; the second's where it is unknown, else none; direction of the first; and
-    what both say.
+    Attributes:
+        side: Direction of the first, ±1.
+        leg: They name the way there and back, whichever way that goes.
+        alike: Words of both.
+        unknown: Word of the second where it is no known direction, else empty.
     """
-    alike, own, others = [], [], [*other]
-    for each in one:
-        if each in others:
-            others.remove(each)
-            alike.append(each)
+
+    side: int
+    leg: bool
+    alike: tuple[str, ...]
+    unknown: str = ""
+
+
+def _pair_of(one: Sequence[str], other: Sequence[str]) -> _Pair | None:
+    """Return how the words of two names differ, or None: not in their direction only."""
+    common, own, others = [], [], [*other]
+    for word in one:
+        if word in others:
+            others.remove(word)
+            common.append(word)
         else:
-            own.append(each)
-    said = {*kinds_in({*alike})}
-    if _OTHERS & said or says_correction(" ".join(alike)) or len(others) != 1:
+            own.append(word)
+    alike = tuple(common)
+    if _OTHERS & {*kinds_in({*alike})} or says_correction(" ".join(alike)):
+        return None
+    if len(own) > 1 or len(others) != 1:
         return None
     word, behind = "".join(own), others[0]
-    if word + behind in _LETTERS or (direction_of(word), direction_of(behind)) == (
-        1,
-        -1,
-    ):
-        return word, "", 1, alike
-    if not own and alike and not any(map(direction_of, alike)):
-        # "Abw 1", "Abw 1 R"
-        back = behind in _LETTERS_BACK or direction_of(behind) == -1
-        return ("fwd", "", 1, alike) if back else None
-    side = direction_of(word) if len(own) == 1 else None
-    if (
-        side is None
-        or direction_of(behind) is not None
-        or kind_said(behind) is not None
-    ):
+    side, way = direction_of(word), direction_of(behind)
+    if word + behind in _LETTERS or (side, way) == (1, -1):
+        return _Pair(1, word in _BY_LETTER or is_leg(word), alike)
+    if not own:  # "Abw 1" beside "Abw 1 R"
+        back = (behind in _LETTERS_BACK or way == -1) and alike
+        return (
+            _Pair(1, True, alike)
+            if back and not any(map(direction_of, alike))
+            else None
+        )
+    if side is None or way is not None or kind_said(behind) is not None:
         return None
-    return word, behind, side, alike
+    return _Pair(side, is_leg(word), alike, behind)
 
 
 def with_first(
