@@ -220,7 +220,7 @@ def unit(text: str, dimensions: Iterable[str], source: str, what: str) -> Unit:
     if result is not None and result.dimension in allowed:
         return result
     accepted = [name for name, unit in UNITS.items() if unit.dimension in allowed]
-    # To "ft" and "ppm" no unit is near, and one that looks alike would be wrong.
+    # To "yd" and "ppm" no unit is near, and one that looks alike would be wrong.
     close = "" if is_foreign(text) else nearest(text, accepted)
     raise UnitError(source, what, text, accepted, close)
 

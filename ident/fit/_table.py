@@ -111,8 +111,7 @@ def fit_table(
         if loss == "student" and not _too_many(off, fit, samples):
             off = off | fit_to.steps.off_the_most(fit.residual)[0]
             if off.any():
-                node = nearest_nodes(Stack((layout.effect,)), samples.readings)
-                off = off & (runs_apart(fit, samples, node)[0] == 0.0)
+                off = off & (runs_apart(fit, samples, fit_to.nearest)[0] == 0.0)
         divided = loss == "student" and _too_many(off, fit, samples)
         if divided:
             words = none_left_out(float(off.mean()))
@@ -124,7 +123,7 @@ def fit_table(
     if not (divided or fit.wild.any()) and samples.run is None:
         return fit
     with one_blas_thread():
-        node = nearest_nodes(Stack((layout.effect,)), samples.readings)
+        node = fit_to.nearest
     curves = doubt_of_curves(fit, samples, node)
     if curves.any():
         fit = dataclasses.replace(fit, message=f"{fit.message} {ALIKE}")
@@ -252,6 +251,11 @@ class _InMemory:
         """Steps in which the instrument reads; places differ by direction, too."""
         branches = [] if self.samples.branch is None else [self.samples.branch]
         return Steps.of(self.samples.error, [*self.samples.positions.T, *branches])
+
+    @cached_property
+    def nearest(self) -> Int[np.ndarray, " t"]:
+        """Unknown of the table that each reading has the largest share in."""
+        return nearest_nodes(Stack((self.layout.effect,)), self.samples.readings)
 
     def stack(self, far: Sequence[int]) -> Stack:
         """Return the table, and effects of the runs; some do not count in their mean."""

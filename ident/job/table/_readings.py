@@ -108,9 +108,9 @@ def with_one_zero(
 ) -> tuple[Readings, Int[np.ndarray, " t"] | None]:
     """Return readings of several measurements as if all had one zero, and whose each had.
 
-    A zero that is the instrument's (`remove`, `datum`) is told by the table that goes through
-    all of them. It becomes the machine's where one has that, else the mean of all. None: no
-    measurement has a zero to be told.
+    The table that goes through all of them determines a zero that is the instrument's (`remove`,
+    `datum`). It becomes the machine's where one has that, else the mean of all. None: the zero
+    of each is the machine's.
     """
     specs = plan.job.spec.measurements
     free = [

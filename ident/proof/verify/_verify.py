@@ -306,24 +306,22 @@ def _summary(
     conventions: Conventions,
     remarks: list[str],
 ) -> Verification:
-    values = conventions.to_dict()
-    sure_of: dict[str, bool] = {}
-    seen: dict[str, dict[int | str, list[int]]] = {}
+    assumed, values = conventions.to_dict(), conventions.to_dict()
+    sure: dict[str, dict[int | str, list[int]]] = {}
+    for verdict in reversed(verdicts):  # of doubtful values the first one counts
+        # A job must not run on a sign that this log cannot tell.
+        doubtful = verdict.doubtful & verdict.settled.keys() - _signs(verdict)
+        values |= {name: verdict.settled[name] for name in doubtful}
     for verdict in verdicts:
-        for name, value in verdict.settled.items():
-            sure = name not in verdict.doubtful
-            # A job must not run on a sign that this log cannot tell.
-            if name.endswith("_sign") and not sure:
-                continue
-            if sure or name not in sure_of:
-                values[name] = value
-            sure_of[name] = sure_of.get(name, False) or sure
-            if sure:
-                seen.setdefault(name, {}).setdefault(value, []).append(verdict.axis)
-    for name, ways in seen.items():
-        if len(ways) > 1:
-            # One file holds for all axes: no value of it would be right for each.
-            values[name], sure_of[name] = conventions.to_dict()[name], False
+        for name in verdict.settled.keys() - verdict.doubtful:
+            ways = sure.setdefault(name, {})
+            ways.setdefault(verdict.settled[name], []).append(verdict.axis)
+    fixed = frozenset(name for name, ways in sure.items() if len(ways) == 1)
+    for name, ways in sorted(sure.items()):
+        if name in fixed:
+            values[name] = next(iter(ways))
+        else:  # one file holds for all axes: no value of it would be right for each
+            values[name] = assumed[name]
             words = " but ".join(
                 f"{value} on {', '.join(f'A{axis}' for axis in axes)}"
                 for value, axes in ways.items()
@@ -336,15 +334,16 @@ def _summary(
     missing = [f"A{axis}.{name}" for axis, name in every if (axis, name) not in judged]
     if missing:
         remarks.append(f"Not in this log: {', '.join(missing)}.")
-    currents = {kind.name for kind in kinds() if kind.adds_current}
+    currents = {kind.name: kind for kind in kinds() if kind.adds_current}
     lengths = {each.axis for each in verdicts if each.compensation not in currents}
     blind = sorted(lengths - driven)
-    if any(each.compensation in currents for each in verdicts):
+    for name in sorted({each.compensation for each in verdicts} & currents.keys()):
+        own = filter(lambda rule: rule.startswith(currents[name].conventions), assumed)
+        signs = " and ".join(rule for rule in own if rule.endswith("_sign"))
         remarks.append(
             "No log of a current tells whether the drive adds it with the right sign. Where it"
-            " does, what the controller itself asks for falls with the list on: then write"
-            " friction_sign with its present value under [verified] into the conventions file of"
-            " the machine."
+            f" does, what the controller itself asks for falls with the list on: then write {signs}"
+            " with its present value under [verified] into the conventions file of the machine."
         )
     if blind:
         axes = ", ".join(f"A{axis}" for axis in blind)
@@ -354,7 +353,6 @@ def _summary(
         )
     order = (*COMPENSATIONS, *(kind.name for kind in kinds()))
     verdicts = sorted(verdicts, key=lambda v: (v.axis, order.index(v.compensation)))
-    fixed = frozenset(name for name, sure in sure_of.items() if sure)
     rules = Conventions.from_dict(values)
     return Verification(tuple(verdicts), tuple(remarks), rules, fixed)
 
