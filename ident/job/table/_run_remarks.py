@@ -15,6 +15,9 @@ SEEN, TINY = 5.0, 1e-3
 """Deviations of a reading, and mm or °, by which a table changes beyond its readings unsaid."""
 _IN_A_ROW, _SURELY = 4, 0.98
 """Runs that tell a creep from chance, and how surely."""
+_EQUAL, _BY_CHANCE = 1e-9, 0.1
+"""mm or °, within which two readings are the same number; share of the places that show one by
+chance, from which on it says nothing that others do."""
 
 
 def run_remarks(draft: "TableDraft") -> Iterator[Remark]:
@@ -27,6 +30,7 @@ def run_remarks(draft: "TableDraft") -> Iterator[Remark]:
             counts = 'counts in their mean all the same (loss = "gauss")'
         yield Remark.warning(f"Contradicts the other runs, and {counts}: run {runs}.")
     yield from _torn_remarks(draft)
+    yield from _zero_of_each_direction(draft)
     if fit.runs:
         largest = max(abs(run.offset) for run in fit.runs)
         effect = "offset and drift" if draft.run_effects == "drift" else "offset"
@@ -57,6 +61,39 @@ def _torn_remarks(draft: "TableDraft") -> Iterator[Remark]:
         " its standard deviations hold that. Find out what happened there, and measure again, or"
         " leave what is wrong out (skip)."
     )
+
+
+def _zero_of_each_direction(draft: "TableDraft") -> Iterator[Remark]:
+    """Return a doubt where each direction has a zero of its own: the lost motion is not in it."""
+    readings, (way, places) = draft.readings, (draft.readings.direction, draft.fit.over)
+    if way is None or draft.plan.table.branches == 1 or len(np.unique(way)) < 2:
+        return
+    lost = (
+        f"what {draft.axis} loses where it turns is in no reading, and the table takes it for"
+        " what is left. Go both ways without setting the instrument to zero between them, or add"
+        " a measurement of the lost motion at one place."
+    )
+    specs = draft.job.spec.measurements
+    if all(specs[name].remove != "none" for name in readings.slices) and all(
+        len(np.unique(way[rows])) == 1 for rows in readings.slices.values()
+    ):
+        yield Remark.warning(
+            "Each direction was measured by itself, with a zero of the instrument's (remove):"
+            f" {lost}"
+        )
+    elif places == (draft.axis,) and not draft.plan.table.periodic:
+        place = readings.positions[:, 0]
+        first = (way > 0) & (place == place[way > 0].min())
+        last = (way < 0) & (place == place[way < 0].max())
+        zero = readings.error[first][0]
+        begins = np.abs(readings.error - zero) < _EQUAL
+        # An instrument that counts coarsely shows the same number at many places.
+        coarse = np.mean(begins[~first & ~last]) > _BY_CHANCE
+        if not coarse and begins[first].all() and begins[last].all():
+            yield Remark.warning(
+                f"Every pass begins with the same reading, upward at {place[first][0]:g} and"
+                f" downward at {place[last][0]:g}. If the instrument was set to zero there, {lost}"
+            )
 
 
 def _zeros_apart(draft: "TableDraft") -> Iterator[Remark]:

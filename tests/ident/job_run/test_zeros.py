@@ -330,3 +330,29 @@ def test_beside_a_drift_the_constant_is_known_as_well_as_the_drift(
     assert abs(off) < 4.0 * deviation
     said = " ".join(remark.message for remark in screw.remarks)
     assert "The instrument drifted: the constant of this list" in said
+
+
+@pytest.mark.parametrize("group", ["", 'group = "X"\n'])
+@pytest.mark.parametrize("zeroed", ["never", "each pass", "each file"])
+def test_a_zero_of_each_direction_is_said_to_hide_the_lost_motion(
+    tmp_path: Path, zeroed: str, group: str
+) -> None:
+    rng = np.random.default_rng(5)
+    names = ("up", "down") if zeroed == "each file" else ("both", "both")
+    rows: dict[str, list[np.ndarray]] = {name: [] for name in names}
+    for way, name in zip((1, -1) * 3, names * 3, strict=True):
+        x = NODES[::way]
+        seen = error(x) + 3e-3 * way + 2e-4 * rng.normal(size=len(x))
+        seen -= seen[0] if zeroed == "each pass" else 0.0
+        rows[name].append(np.stack([x, seen, np.full(len(x), way)], axis=1))
+    for name, parts in rows.items():
+        table(tmp_path / f"{name}.csv", "position,error,run", *np.vstack(parts).T)
+    kind = "offset" if zeroed == "each file" else "none"
+    path = job(tmp_path, dict.fromkeys(rows, kind), "bilateral = true\n" + group)
+    text = path.read_text().replace('run = "run"', '"X.direction" = "run"')
+    path.write_text(text)
+    (screw,) = run_job(path, tmp_path / "out").fits
+    said = " ".join(remark.message for remark in screw.remarks)
+    assert ("what X loses where it turns is in no reading" in said) == (
+        zeroed != "never"
+    )
