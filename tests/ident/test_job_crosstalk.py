@@ -596,3 +596,28 @@ def test_keys_that_cannot_be_meant_are_refused(
     log(tmp_path, moves=2)
     with pytest.raises(JobError, match=message):
         run(tmp_path, keys=keys)
+
+
+@pytest.mark.parametrize("slope", [0.0, 3e-4])
+def test_an_error_over_the_position_of_the_master_is_told_from_crosstalk(
+    tmp_path: Path, slope: float
+) -> None:
+    log(tmp_path)
+    table = np.genfromtxt(tmp_path / "log.csv", delimiter=",", names=True)
+    x = CYCLE * np.cumsum(table["Xvelocity"])
+    values = np.column_stack([table[name] for name in table.dtype.names])
+    values[:, -1] += slope * x
+    np.savetxt(
+        tmp_path / "log.csv",
+        values,
+        "%.7f",
+        ",",
+        header="time,X.acceleration,X.velocity,Y.position,Z.error",
+        comments="",
+    )
+    crosstalk = run(tmp_path)
+    said = [remark.message for remark in crosstalk.remarks]
+    about = [words for words in said if "also follows the position of X" in words]
+    assert len(about) == (slope > 0)
+    # The drift of 10 µm makes a part of it.
+    assert all("0.33 µm/mm" in words for words in about)

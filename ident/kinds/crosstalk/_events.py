@@ -50,6 +50,8 @@ _MOST_ROWS, _MOST_EVENTS = 25, 60
 """Rows of a delay, and about how many events are looked at for it."""
 _FAR = 6.0
 """Residual, in the median one, up to which no reading of a window is suspected to be wild."""
+_BY_PLACE = 0.3
+"""Share of what changes in the error between accelerations that its slope over the master is."""
 _GAIN = 0.05
 """Relative fall of the residual's standard deviation below which there is no delay."""
 
@@ -492,6 +494,37 @@ def without_delay(data: JointData, form: Crosstalk) -> tuple[JointData, float]:
         return data, 0.0
     aligned = padded[reach + lag :][: len(error)]
     return dataclasses.replace(data, error={form.axis: aligned}), lag * step
+
+
+def from_place(
+    data: JointData, form: Crosstalk, events: Events
+) -> tuple[float, Float[np.ndarray, " n"]]:
+    """Return the slope of the error over the master, and what of each event is its doing, in mm.
+
+    The slope is that of the readings in which the master does not accelerate, beside a drift;
+    0 where it is no large part of what changes there.
+    """
+    time, error = data.clock_for(form.name), data.error[form.axis]
+    _, speed, *_ = form.columns_of(data)
+    place = np.zeros(len(time))
+    place[1:] = np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(time))
+    rest = (_shares_of(data, form)[1] < 0) & np.isfinite(error)
+    nothing = 0.0, np.zeros(len(events))
+    if rest.sum() < _ROWS * len(events):
+        return nothing
+    level = np.vander((time - time[0]) / max(time[-1] - time[0], 1e-300), 2)
+    base, _ = np.linalg.qr(level[rest])
+    seen, way = (each - base @ (base.T @ each) for each in (error[rest], place[rest]))
+    found = regress(way[:, None], seen, noise=0.0)
+    slope, sound = float(found.coefficients[0]), ~np.asarray(found.wild)
+    left = np.var(seen[sound] - slope * way[sound])
+    if left > (1.0 - _BY_PLACE) * np.var(seen[sound]):
+        return nothing
+    made = cut_events(
+        dataclasses.replace(data, error={form.axis: slope * place + 0.0 * error}), form
+    )
+    rows = np.searchsorted(made.start, events.start)
+    return slope, made.value[np.minimum(rows, len(made) - 1)]
 
 
 def follows_speed(data: JointData, aligned: JointData, form: Crosstalk) -> bool:

@@ -12,7 +12,7 @@ from ....models import Crosstalk
 from ...job.result._result import AbstractResult, Remark
 from ...proof import GateCheck
 from . import BRANCHES
-from ._events import count_cut, without_level
+from ._events import count_cut, from_place, without_level
 from ._tests import LEAST_SPAN
 from .effect import CrosstalkFit
 
@@ -25,6 +25,8 @@ _QUADRANTS = {"crosstalk_accelerate", "crosstalk_sign"}
 _COVERED = 0.995
 _FEW = 0.1
 """Share of the events up to which it is no matter that they say nothing."""
+_OF_PLACE = 0.05
+"""Part of the events that a slope of the error over the master makes, from which on it is said."""
 _HELD = 0.97
 """Part of an event that the list takes off, below which the master accelerates too hard."""
 
@@ -161,6 +163,16 @@ def remarks_of(draft: "CrosstalkDraft", gate: Sequence[GateCheck]) -> Iterator[R
             f" {draft.axis} does there, over the position of {master} or at its reversals, counts"
             " as crosstalk, and no standard deviation holds it. Record strokes of different"
             " lengths."
+        )
+    slope, made = from_place(log, draft.found.effect, draft.found.events)
+    size = float(np.sqrt(np.mean(np.square(made))))
+    whole = float(np.sqrt(np.mean(np.square(draft.found.events.value))))
+    if size > _OF_PLACE * whole:
+        yield Remark.warning(
+            f"The error of {draft.axis} also follows the position of {master}, by"
+            f" {1e3 * slope:.2g} µm/mm, and that makes {1e3 * size:.2g} µm of the"
+            f" {1e3 * whole:.2g} µm (rms) that count as crosstalk, which no standard deviation"
+            f" holds. Give a cross fit of {draft.axis} over {master} and this one the same group."
         )
     if reason := draft.plan.unread:
         yield Remark.warning(
