@@ -372,6 +372,25 @@ def test_several_logs_are_joined_without_seeing_each_other(tmp_path: Path) -> No
     np.testing.assert_allclose(both.fit.events.value, twice, atol=1e-12)
 
 
+@pytest.mark.parametrize("turned", [False, True])
+def test_logs_that_contradict_each_other_are_named(
+    tmp_path: Path, turned: bool
+) -> None:
+    log(tmp_path, moves=8)
+    (tmp_path / "log2.csv").write_bytes((tmp_path / "log.csv").read_bytes())
+    log(tmp_path, moves=12, size=-1.0 if turned else 1.0)
+    run(tmp_path)
+    path = tmp_path / "job.toml"
+    text = path.read_text().replace(
+        'measurement = "log"', 'measurements = ["log", "more"]'
+    )
+    more = '[measurements.more]\nfile = "log2.csv"\n[[fits]]'
+    path.write_text(text.replace("[[fits]]", more))
+    said = [r.message for r in run_job(path, tmp_path / "out").fits[0].remarks]
+    about = [w for w in said if "'log' and 'more' contradict each other" in w]
+    assert len(about) == turned
+
+
 def test_accelerations_beyond_the_stated_one_are_named(tmp_path: Path) -> None:
     log(tmp_path, moves=10)
     path = tmp_path / "job.toml"

@@ -68,7 +68,7 @@ def directed(data: JointData, form: Crosstalk) -> JointData:
     full = np.where(acceleration < 0, -form.deceleration, form.acceleration)
     share = np.abs(acceleration) / full
     sign = np.where(share < _QUIET, 0, np.sign(acceleration))
-    for start, stop in _stretches(sign, _logs(data)):
+    for start, stop in _stretches(sign, logs_of(data)):
         rows = slice(start, stop)
         shares, speed = share[rows], np.abs(velocity[rows])
         net = shares * np.sign(velocity[rows])
@@ -86,7 +86,7 @@ def directed(data: JointData, form: Crosstalk) -> JointData:
     return dataclasses.replace(data, velocity={**data.velocity, mover: velocity})
 
 
-def _logs(data: JointData) -> Int[np.ndarray, " t"]:
+def logs_of(data: JointData) -> Int[np.ndarray, " t"]:
     """Return the number of the log that each row belongs to: no event sees another log."""
     zeros = np.zeros(len(data), dtype=np.int64)
     return zeros if data.clock_number is None else data.clock_number
@@ -192,7 +192,7 @@ def cut_events(data: JointData, form: Crosstalk, over: Sequence[str] = ()) -> Ev
         for row in np.flatnonzero(invalid).tolist():
             msg = f"reading {row + 1}: {name} is not finite, expected numbers."
             raise FitError(msg)
-    falling = (np.diff(time) <= 0) & (np.diff(_logs(data)) == 0)
+    falling = (np.diff(time) <= 0) & (np.diff(logs_of(data)) == 0)
     for row in np.flatnonzero(falling).tolist():
         words = "found time that does not ascend, expected a log in the order of time"
         msg = f"reading {row + 2}: {words}."
@@ -286,7 +286,7 @@ class _Window:
 def _windows(data: JointData, form: Crosstalk) -> Iterator[_Window]:
     """Yield the events of a log that are strong and long enough."""
     share, label = _shares_of(data, form)
-    log, time, error = _logs(data), data.clock_for(form.name), data.error[form.axis]
+    log, time, error = logs_of(data), data.clock_for(form.name), data.error[form.axis]
     strong = [
         rows
         for rows in _stretches(label, log)

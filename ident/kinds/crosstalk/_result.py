@@ -1,6 +1,7 @@
 """What a job found of a crosstalk, and what a person must know of it."""
 
 import dataclasses
+import itertools
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any, final
 
@@ -12,7 +13,7 @@ from ....models import Crosstalk
 from ...job.result._result import AbstractResult, Remark
 from ...proof import GateCheck
 from . import BRANCHES
-from ._events import count_cut, from_place, without_level
+from ._events import count_cut, from_place, logs_of, without_level
 from ._tests import LEAST_SPAN
 from .effect import CrosstalkFit
 
@@ -27,6 +28,9 @@ _FEW = 0.1
 """Share of the events up to which it is no matter that they say nothing."""
 _OF_PLACE = 0.05
 """Part of the events that a slope of the error over the master makes, from which on it is said."""
+_PER_LOG, _APART, _LARGE = 3, 5.0, 0.3
+"""Events of a kind in each of two logs, deviations, and part of an event that they lie apart,
+from which on logs contradict each other."""
 _HELD = 0.97
 """Part of an event that the list takes off, below which the master accelerates too hard."""
 
@@ -164,6 +168,7 @@ def remarks_of(draft: "CrosstalkDraft", gate: Sequence[GateCheck]) -> Iterator[R
             " as crosstalk, and no standard deviation holds it. Record strokes of different"
             " lengths."
         )
+    yield from _of_the_logs(draft)
     slope, made = from_place(log, draft.found.effect, draft.found.events)
     size = float(np.sqrt(np.mean(np.square(made))))
     whole = float(np.sqrt(np.mean(np.square(draft.found.events.value))))
@@ -255,6 +260,35 @@ def _of_the_events(draft: "CrosstalkDraft") -> Iterator[Remark]:
             " mm/s²). Above it the controller is taken to hold the correction (S-36):"
             f" state the largest one as acceleration and deceleration in the job{measured}."
         )
+
+
+def _of_the_logs(draft: "CrosstalkDraft") -> Iterator[Remark]:
+    """Return which logs contradict each other, by what the fit leaves of events of one kind."""
+    found, names = draft.found, draft.fit.sources
+    events, left = found.events, found.predicted
+    log = logs_of(draft.log)[events.start]
+    size = float(np.sqrt(np.mean(np.square(events.value))))
+    for first, second in itertools.combinations(range(len(names)), 2):
+        for branch, kind in enumerate(SHORT):
+            pair = [
+                (log == each) & (events.branch == branch) for each in (first, second)
+            ]
+            if min(rows.sum() for rows in pair) < _PER_LOG:
+                continue
+            means = [float(np.median(left[rows])) for rows in pair]
+            scatter = [float(np.std(left[rows])) / np.sqrt(rows.sum()) for rows in pair]
+            if abs(means[1] - means[0]) > max(
+                _APART * np.hypot(*scatter), _LARGE * size
+            ):
+                shown = [1e3 * float(np.median(events.value[rows])) for rows in pair]
+                yield Remark.warning(
+                    f"Measurements {names[first]!r} and {names[second]!r} contradict each other:"
+                    f" where {draft.fit.master} is {kind}, {draft.axis} errs by"
+                    f" {shown[0]:+.2g} µm in one and by {shown[1]:+.2g} µm in the other, and the"
+                    " fit lies between them. Was a list on in one of them (active), or the sign"
+                    " of its error turned?"
+                )
+                break
 
 
 def _of_the_adaptation(draft: "CrosstalkDraft") -> Iterator[Remark]:
