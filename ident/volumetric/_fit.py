@@ -114,9 +114,15 @@ class VolumetricFit:
 
     @cached_property
     def values(self) -> Float[np.ndarray, " n"]:
-        """All unknowns under the rules, as errors."""
+        """All unknowns under the rules, as errors; of what is hidden no more than is shown."""
         found = self.freedoms.rules.project(self.result.values)
-        return self.freedoms.held(found, self.noise, self.points.readings.value)
+        readings = self.points.readings
+        shown, here = readings.value, self._places.get(ZEROS_NAME)
+        if here is not None:  # what any zero of the set-ups leaves
+            zero = rows_of(self.stack, readings)[:, here]
+            normal = np.linalg.pinv((zero.T @ zero).toarray(), hermitian=True)
+            shown = shown - zero @ (normal @ (zero.T @ shown))
+        return self.freedoms.held(found, self.noise, shown)
 
     @cached_property
     def covariance(self) -> Float[np.ndarray, "n n"]:

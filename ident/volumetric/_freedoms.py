@@ -33,8 +33,6 @@ _SHORT = 0.1
 _PART, _MEMBER = 1e-4, 0.1
 """Part in a direction, relative to the largest, from which on a shape is a member: of a gauge,
 of what is hidden, which is known less sharply."""
-_LIKELY = 3.0
-"""Times the size of the readings up to which what is hidden stays as it is."""
 _MOVED = 0.1
 """Share of a typical reading by which what is hidden may move a sum that counts as shown."""
 _VALUE = 1e-3
@@ -129,7 +127,7 @@ class Freedoms:
         pins: What is added to the diagonal of the information to hold these directions.
         hidden: Directions of the unknowns, under the rules, of which the points show next to
             nothing; each moves a reading somewhere in the volume by about 1.
-        along: How far unknowns go along each of them.
+        along: How far unknowns go along each of them, as far as it is the machine's.
         share: Information of the points on each, relative to as many all over the volume.
         confounded: Whether each unknown has a part in them.
         gauges: The rules.
@@ -157,22 +155,20 @@ class Freedoms:
         noise: float,
         readings: Float[np.ndarray, " t"],
     ) -> Float[np.ndarray, " n"]:
-        """Return unknowns with what is hidden no larger than the readings make likely.
+        """Return unknowns with what is hidden only as far as the readings show it.
 
-        Noise in readings that show next to nothing moves such a direction far. Where it is moved
-        beyond what the size of the readings lets expect, its mean under both is taken.
+        Noise, and the zero of a set-up, move a direction far of which readings show next to
+        nothing. Its mean is taken under what they show and that it is about their size.
 
         Args:
             values: Unknowns.
             noise: Standard deviation of a reading.
-            readings: What was measured.
+            readings: What was measured, less the zero of each set-up.
         """
         expected = float(np.mean(np.square(readings)))
         known = expected * len(readings) * np.maximum(self.share, 0.0)
         left = noise**2 / np.maximum(noise**2 + known, 1e-300)
-        far = self.along @ values
-        unlikely = np.abs(far) > _LIKELY * np.sqrt(expected)
-        return np.asarray(values - self.hidden @ np.where(unlikely, left * far, 0.0))
+        return np.asarray(values - self.hidden @ (left * (self.along @ values)))
 
     @classmethod
     def of(
@@ -206,7 +202,11 @@ class Freedoms:
         null = shapes.basis @ (unheld / actual.scale[:, None])
         gauges = _gauges(common, zero, shapes.names)
         kept = np.delete(np.arange(len(shapes.names)), [rule for rule, _ in gauges])
-        hidden, dual, share = actual.hidden(ideal, kept)
+        hidden, share = actual.hidden(ideal, kept)
+        # Of what is hidden as little as may be is the machine's; a set-up has any zero.
+        machine = np.where(frame | zeros, 0.0, 1.0 / ideal.scale)
+        metric = ideal.matrix * np.outer(machine, machine) @ hidden
+        dual = metric @ np.linalg.pinv(hidden.T @ metric, _ROUNDING, hermitian=True)
         mixtures = _resolved(hidden)
         least = _MEMBER * np.abs(mixtures).max(axis=0, initial=0.0)
         parts = np.where(np.abs(mixtures) > least, mixtures, 0.0)
@@ -273,14 +273,11 @@ class _Seen:
 
     def hidden(
         self, ideal: "_Seen", kept: Int[np.ndarray, " k"]
-    ) -> tuple[
-        Float[np.ndarray, "m h"], Float[np.ndarray, "m h"], Float[np.ndarray, " h"]
-    ]:
+    ) -> tuple[Float[np.ndarray, "m h"], Float[np.ndarray, " h"]]:
         """Return mixtures of which these rows show next to nothing beside ideal ones.
 
         In the scale of the ideal rows; each moves such a row by 1, root mean square, if it
-        shows it at all. With them what tells how far shapes go along each, and the
-        information on it, relative to ideal rows.
+        shows it at all. With them the information on each, relative to ideal rows.
         """
         here, unit = np.ix_(kept, kept), np.outer(ideal.scale[kept], ideal.scale[kept])
         whole = ideal.matrix[here] / unit
@@ -288,9 +285,9 @@ class _Seen:
         whole += np.diag(np.where(np.diag(whole) > 0.0, _ROUNDING, 1.0))
         share, modes = scipy.linalg.eigh(self.matrix[here] / unit, whole)
         few = share < _LITTLE
-        result = np.zeros((2, len(self.matrix), int(few.sum())))
-        result[0, kept], result[1, kept] = modes[:, few], whole @ modes[:, few]
-        return result[0], result[1], share[few]
+        result = np.zeros((len(self.matrix), int(few.sum())))
+        result[kept] = modes[:, few]
+        return result, share[few]
 
 
 def rows_of(stack: Stack, readings: Readings) -> sp.csr_array:

@@ -624,7 +624,7 @@ def test_an_error_over_the_position_of_the_master_is_told_from_crosstalk(
     log(tmp_path)
     table = np.genfromtxt(tmp_path / "log.csv", delimiter=",", names=True)
     x = CYCLE * np.cumsum(table["Xvelocity"])
-    values = np.column_stack([table[name] for name in table.dtype.names])
+    values = np.column_stack([table[name] for name in table.dtype.names or ()])
     values[:, -1] += slope * x
     np.savetxt(
         tmp_path / "log.csv",

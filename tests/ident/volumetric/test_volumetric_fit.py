@@ -337,6 +337,21 @@ def test_what_a_laser_on_one_diagonal_leaves_open_stays_small(jitter: float) -> 
     assert np.isinf(fit.predict(anywhere(500, 2)).standard_deviation).all()
 
 
+@pytest.mark.parametrize("kind", ["edges", "circles"])
+def test_zeros_of_set_ups_do_not_enter_what_is_left_open(kind: str) -> None:
+    points = from_set_ups(edges() if kind == "edges" else circles())
+    run = np.asarray(points.run)
+    far = np.random.default_rng(5).normal(size=run.max() + 1)[run]
+    unseen, sizes = anywhere(500, 2), []
+    for more in (0.0, far):
+        moved = dataclasses.replace(points, error=points.error + more)
+        fit = axcomp.fit_volumetric(MACHINE, moved)
+        sizes.append(np.asarray(fit.model.offset(unseen)))
+    # Zeros 20 times as large, and a machine of 60 µm: half of them went into its law.
+    np.testing.assert_allclose(sizes[0], sizes[1], atol=NOISE)
+    assert np.abs(sizes[1]).max() < 2.0 * np.abs(true(unseen)).max()
+
+
 def test_body_diagonals_with_vectors_leave_curves_as_sums() -> None:
     place = diagonals()
     fit = axcomp.fit_volumetric(MACHINE, axcomp.Points(place, measured(place)))
