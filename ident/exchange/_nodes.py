@@ -45,20 +45,14 @@ class ListNodes:
         """Positions in mm or °."""
         return np.asarray(self.integers, dtype=np.int64) / LIST_UNITS
 
-    @property
-    def places(self) -> tuple[Float[np.ndarray, "..."], ...]:
-        """Start and interval of a grid in mm or °, else the positions alone."""
-        if not self.interval:
-            return (self.positions,)
-        pair = self.integers[0], self.interval
-        return tuple(np.asarray(k / LIST_UNITS) for k in pair)
-
     def model(self) -> EquidistantNodes | Setpoints:
         """Return the nodes of a model."""
         if not self.interval:
             return Setpoints(as_array(self.positions))
-        start, interval = map(as_array, self.places)
-        return EquidistantNodes(start, interval, self.count)
+        start, step = (
+            as_array(k / LIST_UNITS) for k in (self.integers[0], self.interval)
+        )
+        return EquidistantNodes(start, step, self.count)
 
 
 def grid_nodes(start: float, interval: float, count: int, name: str) -> ListNodes:

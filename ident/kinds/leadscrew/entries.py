@@ -1,19 +1,16 @@
 """Leadscrew error compensation: ``kw.ssfk`` in a list ↔ `Leadscrew`."""
 
 import dataclasses
-import functools
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from typing import TYPE_CHECKING, Any, ClassVar, final
 
-import jax
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Int
 
 from ....data.lists import ListFile
 from ....models import Conventions, EquidistantNodes, Leadscrew, Setpoints
 from ...exchange._capacity import ANY_LIST, ListTarget, refuse_huge
 from ...exchange._identity import (
-    Increments,
     axis_number,
     column,
     flag,
@@ -49,87 +46,6 @@ DEFAULT_COUNT = 1499
 """Entries without ``max_points``: ``kw_nr_max`` must stay below 1500."""
 
 
-def read_leadscrew(
-    listing: ListFile,
-    conventions: Conventions,
-    increment: Increments = None,
-    *,
-    modulo: tuple[float, float] | None = None,
-) -> Leadscrew:
-    """Return the leadscrew table that a list describes, its entries as NumPy has them.
-
-    For what looks at the numbers alone: to make arrays of them that JAX can compute with
-    takes longer than to read the list. The range of a modulo table is that from its first to its
-    last point where it is not given (S-20); increments are as for `from_list`.
-
-    Raises:
-        ExchangeError: If an entry is missing or the setpoints do not ascend.
-    """
-    size = unit_size(listing, PREFIX, axis_number(listing), increment)
-    count = required(listing, f"{PREFIX}.kw_nr_max")
-    expect(count >= 1, f"{listing.source}: {PREFIX}.kw_nr_max", count, "1 or more")
-    refuse_huge(count, f"{listing.source}: {PREFIX}.kw_nr_max")
-    branches = ("pos", "neg") if flag(listing, f"{PREFIX}.bilateral") else ("pos",)
-    values = scaled(
-        np.stack([column(listing, PREFIX, branch, count) for branch in branches]), size
-    )
-    # An interval of 0, its default, asks for setpoints.
-    interval = optional(listing, f"{PREFIX}.interval")
-    places: tuple[np.ndarray, ...]
-    if interval > 0:
-        start = optional(listing, f"{PREFIX}.kw_startpos")
-        places = tuple(np.asarray(scaled(number, size)) for number in (start, interval))
-        ends = places[0], places[0] + (count - 1) * places[1]
-    else:
-        points = scaled(column(listing, PREFIX, "setpoint", count), size)
-        refuse_unordered(points, f"{listing.source}: {PREFIX}.table[].setpoint")
-        places, ends = (points,), (points[0], points[-1])
-    wraps = None
-    if flag(listing, f"{PREFIX}.modulo"):
-        wraps = modulo or (float(ends[0]), float(ends[1]))
-    return leadscrew_of(places, values, wraps, conventions)
-
-
-def leadscrew_of(
-    places: Sequence[Float[np.ndarray, "..."]],
-    branches: Float[np.ndarray, "b n"],
-    modulo: tuple[float, float] | None,
-    conventions: Conventions,
-) -> Leadscrew:
-    """Return a leadscrew table over some nodes, its numbers as NumPy has them.
-
-    Args:
-        places: Start and interval of equidistant nodes, or the positions of all nodes.
-        branches: Its entries in mm or °: one row for both directions, or one for each.
-        modulo: Range of the axis where the table goes round.
-        conventions: Sign rule.
-    """
-    sign = float(conventions.leadscrew_sign)
-    structure = _structure(len(places), branches.shape, modulo, sign)
-    # Setpoints are searched, which only JAX's own arrays can be where nothing is compiled.
-    nodes = places if len(places) == 2 else map(as_array, places)
-    leadscrew: Leadscrew = jax.tree.unflatten(structure, [*nodes, *branches])
-    return leadscrew
-
-
-@functools.lru_cache(maxsize=256)
-def _structure(
-    places: int,
-    shape: tuple[int, int],
-    modulo: tuple[float, float] | None,
-    sign: float,
-) -> Any:
-    """Return all of a table but its numbers: those of the nodes, then the entries.
-
-    To put them in is a tenth of the work of making a table anew.
-    """
-    branches, count = shape
-    entries = as_array(np.arange(float(count)))
-    unit, negative = as_array(1.0), entries if branches == 2 else None
-    nodes = EquidistantNodes(unit, unit, count) if places == 2 else Setpoints(entries)
-    return jax.tree.structure(Leadscrew(nodes, entries, negative, modulo, sign))
-
-
 @final
 @dataclasses.dataclass(frozen=True)
 class LeadscrewTable(AbstractTable):
@@ -150,18 +66,16 @@ class LeadscrewTable(AbstractTable):
         return 2 if self.bilateral else 1
 
     def model(self, integers: Int[np.ndarray, "..."]) -> Leadscrew:
-        branches = np.atleast_2d(from_list_units(integers))
-        places = self.nodes[0].places
-        return leadscrew_of(places, branches, self.modulo, self.conventions)
+        values, nodes = from_list_units(integers), self.nodes[0].model()
+        rows = [as_array(row) for row in np.atleast_2d(values)]
+        neg = rows[1] if self.bilateral else None
+        return Leadscrew(nodes, rows[0], neg, self.modulo, float(self.sign))
 
     def effect(self, axis: str, masters: tuple[str, ...]) -> "joint.Leadscrew":
         from ...fit import joint
 
         places, both = self.nodes[0].positions, self.bilateral
         return joint.Leadscrew(axis, places, bilateral=both, modulo=self.periodic)
-
-    def read(self, listing: ListFile, increments: Increments = None) -> Leadscrew:
-        return read_leadscrew(listing, self.conventions, increments, modulo=self.modulo)
 
     def refuse_other_form(self, old: Model, source: str) -> None:
         assert isinstance(old, Leadscrew)
@@ -190,10 +104,35 @@ class LeadscrewEntries(AbstractEntries):
     comes_last = True
 
     def model(self, listing: ListFile, axis: int, reading: Reading) -> Leadscrew:
-        rules, turn = reading.conventions, reading.modulo.get(axis)
-        table = read_leadscrew(listing, rules, reading.increment, modulo=turn)
-        leadscrew: Leadscrew = jax.tree.map(as_array, table)
-        return leadscrew
+        size = unit_size(listing, PREFIX, axis_number(listing), reading.increment)
+        count = required(listing, f"{PREFIX}.kw_nr_max")
+        expect(count >= 1, f"{listing.source}: {PREFIX}.kw_nr_max", count, "1 or more")
+        refuse_huge(count, f"{listing.source}: {PREFIX}.kw_nr_max")
+        names = ("pos", "neg") if flag(listing, f"{PREFIX}.bilateral") else ("pos",)
+        values = {
+            name: as_array(scaled(column(listing, PREFIX, name, count), size))
+            for name in names
+        }
+        # An interval of 0, its default, asks for setpoints.
+        interval = optional(listing, f"{PREFIX}.interval")
+        nodes: EquidistantNodes | Setpoints
+        if interval > 0:
+            begin = optional(listing, f"{PREFIX}.kw_startpos")
+            start, step = (
+                as_array(scaled(number, size)) for number in (begin, interval)
+            )
+            nodes = EquidistantNodes(start, step, count)
+        else:
+            points = scaled(column(listing, PREFIX, "setpoint", count), size)
+            refuse_unordered(points, f"{listing.source}: {PREFIX}.table[].setpoint")
+            nodes = Setpoints(as_array(points))
+        modulo = None
+        if flag(listing, f"{PREFIX}.modulo"):
+            # From its first to its last point where the axis has no range (S-20).
+            first, last = np.asarray(nodes.positions)[[0, -1]].tolist()
+            modulo = reading.modulo.get(axis, (first, last))
+        sign = float(reading.conventions.leadscrew_sign)
+        return Leadscrew(nodes, values["pos"], values.get("neg"), modulo, sign)
 
     def to_list(
         self, model: Leadscrew, masters: Axes = (), target: ListTarget = ANY_LIST
