@@ -179,8 +179,8 @@ def _print_group(
     for effect in group.effects:
         if effect.written and effect.why and effect.name not in " ".join(confusions):
             print_line(console, f"undetermined: of the {effect.name}: {effect.why}")
-    for freedom in group.freedoms:
-        print_line(console, f"free: {freedom.sentence} {freedom.rule}")
+    for gauge in group.gauges:
+        print_line(console, f"free: {gauge.sentence} {gauge.rule}")
     texts = [remark.message for index in group.fits for remark in fits[index].remarks]
     printed |= confusions.keys() | {text for text in texts if text.startswith(TOGETHER)}
     print_remarks(console, group.remarks, printed)

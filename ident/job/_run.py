@@ -107,7 +107,6 @@ def run_job(
             versions=_versions(),
             load_sheet=(),
             remarks=(*remarks, *notes, *outdated),
-            files=(*map(Path, folder.digests), Path(RESULT)),
             digests=dict(folder.digests),
             wall_time=0.0,
             job=job.spec.resolved() | {"gate": dict(job.spec.gate)},

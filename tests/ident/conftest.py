@@ -212,9 +212,9 @@ def make_job(*fits: TableResult, **changes: object) -> JobResult:
         versions={"axcomp": "0.1.0", "python": "3.12"},
         load_sheet=(LoadStep("Copy achskw3.lis", "to the folder of the axis lists."),),
         remarks=(),
-        files=(Path("achskw3.lis"), Path("result.json")),
         wall_time=1.25,
         job={"title": "Portal mill 7", "fits": [{"axis": "Z"}]},
+        digests={"achskw3.lis": "cd" * 32},
     )
     return dataclasses.replace(job, **changes)  # type: ignore[arg-type]
 

@@ -89,7 +89,7 @@ class GroupResult:
         name: In the job.
         fits: Indices of its fits.
         effects: How much of the error each is; helpers last.
-        freedoms: What may be moved between effects without changing the sum.
+        gauges: What may be moved between effects without changing the sum.
         confusions: What these readings cannot tell apart.
         axes: The sum, axis by axis.
         order: Time in s, or row number, of all rows.
@@ -103,7 +103,7 @@ class GroupResult:
     name: str
     fits: tuple[int, ...]
     effects: tuple[EffectShare, ...]
-    freedoms: tuple[Gauge, ...]
+    gauges: tuple[Gauge, ...]
     confusions: tuple[Confusion, ...]
     axes: tuple[AxisSum, ...]
     order: Float[np.ndarray, " t"]
@@ -115,12 +115,8 @@ class GroupResult:
 
     def as_tree(self) -> dict[str, Any]:
         """Return what result.json says of the group."""
-        return {
-            "name": self.name,
-            "fits": self.fits,
-            "effects": self.effects,
-            "gauges": self.freedoms,
-            "confusions": self.confusions,
+        shown = {k: v for k, v in vars(self).items() if k not in ("order", "timed")}
+        return shown | {
             "axes": {
                 axis.axis: {
                     "unit": axis.unit,
@@ -133,10 +129,6 @@ class GroupResult:
                 }
                 for axis in self.axes
             },
-            "held_out": self.held_out,
-            "converged": self.converged,
-            "message": self.message,
-            "remarks": self.remarks,
         }
 
 
@@ -151,7 +143,7 @@ def prove_group(
         name=group.name,
         fits=group.indices,
         effects=tuple(_effects(group, drafts)),
-        freedoms=tuple(
+        gauges=tuple(
             dataclasses.replace(gauge, rule=_rule(group, gauge)) for gauge in fit.gauges
         ),
         confusions=fit.confusions,

@@ -13,6 +13,7 @@ import numpy as np
 
 from ...proof import GateCheck
 from ...readings import ClockState
+from ..write._output import RESULT
 from ._result import AbstractResult, Remark, TableResult
 from ._verdict import Verdict
 
@@ -92,7 +93,6 @@ class JobResult:
         versions: Of axcomp, Python and the numerical libraries.
         load_sheet: Which file goes where, reload or restart, activation, the way back.
         remarks: What concerns the job as a whole.
-        files: All files written, relative to the output folder.
         wall_time: Seconds.
         job: The job as resolved (defaults filled in), for the record.
         clocks: How files of one measurement were put onto one clock.
@@ -110,7 +110,6 @@ class JobResult:
     versions: Mapping[str, str]
     load_sheet: tuple[LoadStep, ...]
     remarks: tuple[Remark, ...]
-    files: tuple[Path, ...]
     wall_time: float
     job: Mapping[str, Any]
     clocks: tuple[ClockState, ...] = ()
@@ -142,6 +141,11 @@ class JobResult:
             "job": self.job,
         }
         return {key: plain(value) for key, value in tree.items()}
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """All files written, relative to the output folder."""
+        return (*map(Path, self.digests), Path(RESULT))
 
     @property
     def tables(self) -> tuple[TableResult, ...]:

@@ -5,7 +5,7 @@ from functools import cached_property
 from typing import Any, final
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 
 from ....data.signals import median
 from ...friction import Choice, DriveSamples, FrictionFit, Knots, Stribeck
@@ -30,7 +30,6 @@ class FrictionView:
     Attributes:
         samples: The recording.
         position: Commanded where that was recorded, in mm or °.
-        window: Which window of the hold-out each sample belongs to.
         offset: Constant load that goes with the list; None where the law is not determined.
         before: Current that friction takes: inertia and constant load taken off.
         predicted: What lists made of the other windows leave of it, at their level.
@@ -40,7 +39,6 @@ class FrictionView:
 
     samples: DriveSamples
     position: Float[np.ndarray, " t"]
-    window: Int[np.ndarray, " t"]
     offset: float | None
     before: Float[np.ndarray, " t"]
     predicted: Float[np.ndarray, " t"]
@@ -126,7 +124,6 @@ def view_of(
     return FrictionView(
         samples=samples,
         position=recording.commanded,
-        window=window,
         offset=offset,
         before=before,
         predicted=predicted,

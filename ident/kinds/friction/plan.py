@@ -79,7 +79,7 @@ class FrictionPlan(AbstractPlan):
             knots = dataclasses.replace(knots, out=np.maximum(knots.out, 0))
         view = view_of(recording, identified, curve, knots, level)
         return FrictionDraft(
-            job, self.index, fit, recording, identified, curve, unit, knots, view, level
+            job, self.index, fit, recording, identified, curve, knots, view, level
         )
 
 
@@ -92,7 +92,6 @@ class FrictionDraft(AbstractDraft):
         recording: What the drive recorded.
         found: The law.
         curve: The law over the driven speeds, or None where it is not determined.
-        out_unit: What one unit of the list is, in the unit of the recording; None: nobody says.
         knots: The entries; None where none are written.
         view: What the list leaves of the recording.
         level: Share of the friction that the list gives.
@@ -102,7 +101,6 @@ class FrictionDraft(AbstractDraft):
     recording: DriveRecording
     found: Identified
     curve: LawCurve | None
-    out_unit: float | None
     knots: Knots | None
     view: FrictionView
     level: float
@@ -163,9 +161,9 @@ class FrictionDraft(AbstractDraft):
         view, listing, model = self.view, done.compensation, None
         if listing is not None and self.knots is not None:
             model = friction_from_list(listing, self.job.conventions)
-        if model is not None and self.out_unit is not None:
+        if model is not None and self.knots is not None:
             law = model.law.evaluate(view.samples.velocity)
-            listed = self.out_unit * model.sign * law
+            listed = self.knots.unit * model.sign * law
             view = dataclasses.replace(view, listed=listed)
         return FrictionResult(
             **self.frame(done),
@@ -184,15 +182,15 @@ class FrictionDraft(AbstractDraft):
         """Return a simulated circle, where mass, law and list are known."""
         fit = self.found.fit
         inertia = fit.parameters.get("inertia", 0.0)
-        law, unit = fit.law, self.out_unit
-        if model is None or law is None or unit is None:
+        law, knots = fit.law, self.knots
+        if model is None or law is None or knots is None:
             return None
         if inertia <= _SURE * fit.standard_deviations.get("inertia", 0.0):
             return None  # without a mass nothing moves as an axis does
         if self.recording.samples.unit != "mm":
             return None  # a circle is drawn by linear axes
         cycle = self.job.spec.controller.cycle_time
-        return circular_test(law, inertia, model, out_unit=unit, cycle=cycle)
+        return circular_test(law, inertia, model, out_unit=knots.unit, cycle=cycle)
 
     def _remarks(self) -> Iterator[Remark]:
         yield from self.recording.remarks
