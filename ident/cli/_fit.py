@@ -169,7 +169,7 @@ def _print_group(
     printed: set[str],
 ) -> None:
     """Print what was identified together, what of it is written, and what is undetermined."""
-    from ..job.joint import TOGETHER  # takes long to load
+    from ..job.joint._share import TOGETHER  # takes long to load
 
     _print_sums(console, group)
     _print_effects(console, group, fits)

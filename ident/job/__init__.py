@@ -68,12 +68,12 @@ if TYPE_CHECKING:
         nodes_for as nodes_for,
     )
     from .file._schema import JobFile as JobFile
-    from .joint import (
+    from .joint._proof import (
         AxisSum as AxisSum,
         EffectShare as EffectShare,
         GroupResult as GroupResult,
-        LeftOutResult as LeftOutResult,
     )
+    from .joint._share import LeftOutResult as LeftOutResult
     from .table._trend import (
         Trend as Trend,
         asks_for_owner as asks_for_owner,

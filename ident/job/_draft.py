@@ -118,7 +118,8 @@ class AbstractPlan(AbstractOfFit):
             FitError: If they do not determine the fit.
             ExchangeError: If the result fits no list.
         """
-        from .joint import fit_group_of_one, read_group  # takes long to load
+        from .joint._group import fit_group_of_one  # takes long to load
+        from .joint._recording import read_group
 
         return self.draft(fit_group_of_one(self, read_group(tables, [self])))
 
@@ -204,7 +205,7 @@ class AbstractPlan(AbstractOfFit):
             why: In words; empty: what the readings do not tell is said.
             share: Its part of the joint fit; None where it was not fitted at all.
         """
-        from .joint import LeftOutDraft  # takes long to load
+        from .joint._share import LeftOutDraft  # takes long to load
 
         return LeftOutDraft(self.job, self.index, self.fit, why, share)
 
@@ -367,7 +368,10 @@ class AbstractDraft(AbstractOfFit):
 
     @abc.abstractmethod
     def prove(self, done: "AxisFiles") -> AbstractResult:
-        """Return the result, with the lists of the axis as they lie in the folder."""
+        """Return the result, with the lists of the axis as they lie in the folder.
+
+        What there is to say of these lists is not among its remarks.
+        """
 
     def frame(self, done: "AxisFiles") -> dict[str, Any]:
         """Return what every result says alike, as arguments of its class."""

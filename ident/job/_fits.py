@@ -12,7 +12,7 @@ from ._draft import AbstractDraft
 from .file._load import Job
 
 if TYPE_CHECKING:
-    from .joint import IdentifiedGroup
+    from .joint._group import IdentifiedGroup
 
 
 def fit_all(
@@ -46,7 +46,7 @@ def fit_all(
     order = sorted(single, key=lambda k: not fits[k].kind.fitted_first)
     left = leftovers(job)
     for name, indices in job.spec.groups.items():
-        from .joint import fit_group  # takes long to load
+        from .joint._group import fit_group  # takes long to load
 
         every = [plans[k] for k in indices]
         names = ", ".join(member.name for member in every)
@@ -60,7 +60,7 @@ def fit_all(
     confounded: dict[int, str] = {}
     several = len({fits[k].axis for k in single}) < len(single)
     if several or any(fits[k].kind.often_open for k in single):
-        from .joint import confounded as examined
+        from .joint._group import confounded as examined
 
         confounded = examined(tables, single)
     for place, k in enumerate(order):

@@ -117,35 +117,28 @@ def leaves_what_was_predicted(
     return gate_check("from_file", rms, limit, unit, f"{where}, limit as predicted")
 
 
-def holds_back(
+def gate_remarks(
     draft: "AbstractDraft", gate: Sequence[GateCheck], every: Sequence["AbstractDraft"]
 ) -> Iterator[Remark]:
-    """Yield that a fit that would not help holds back the others of its axis, if there are."""
+    """Yield what the lines of the gate for a fit leave to say, beside all fits of its axis."""
+    if not draft.converged:
+        yield Remark.error(
+            f"The iterations of the {draft.name} did not settle: its values are not those that"
+            " its readings ask for. Look at the readings that contradict the others: measure"
+            " them again, or leave them out (skip); or take nodes that can follow them."
+        )
+    kind, judged = draft.kind, any(check.name == "max_change" for check in gate)
+    if draft.job.spec.gate.max_change is not None and not (
+        judged or kind.adds_current or kind.by_plc
+    ):
+        key = "list" if kind.holder == "compensation" else "machine_data"
+        yield Remark.warning(
+            f"max_change does not judge the {draft.name}: the job gives none that was there"
+            f" before, to compare with (axes.{draft.axis}.{key})."
+        )
     others = ", ".join(other.compensation for other in every if other is not draft)
     if others and any(check.name == GAIN and not check.passed for check in gate):
         yield Remark.warning(
             f"The {draft.name} would not help, and holds back what stands in the same"
             f" lists ({others}): take it out of the job to have that."
-        )
-
-
-def unsettled(draft: "AbstractDraft") -> Remark:
-    """Return what to do about a fit that did not settle."""
-    return Remark.error(
-        f"The iterations of the {draft.name} did not settle: its values are not those that"
-        " its readings ask for. Look at the readings that contradict the others: measure"
-        " them again, or leave them out (skip); or take nodes that can follow them."
-    )
-
-
-def not_compared(draft: "AbstractDraft", gate: Sequence[GateCheck]) -> Iterator[Remark]:
-    """Yield that `max_change` of the job judges nothing here; nothing where it does."""
-    kind = draft.kind
-    if draft.job.spec.gate.max_change is None or kind.adds_current or kind.by_plc:
-        return
-    if all(check.name != "max_change" for check in gate):
-        key = "list" if kind.holder == "compensation" else "machine_data"
-        yield Remark.warning(
-            f"max_change does not judge the {draft.name}: the job gives none that was there"
-            f" before, to compare with (axes.{draft.axis}.{key})."
         )

@@ -28,7 +28,7 @@ from .write._loadsheet import load_sheet
 from .write._output import REPORT, RESULT, OutFolder
 
 if TYPE_CHECKING:
-    from .joint import GroupResult
+    from .joint._proof import GroupResult
 
 _PACKAGES = ("axcomp", "numpy", "scipy", "jax", "equinox")
 _STARTUP = "hochlauf.add.lis"
@@ -88,17 +88,16 @@ def run_job(
         by_axis = {axis.axis: axis for axis in files}
         sums: list[GroupResult] = []
         if groups:
-            from .joint import prove_group
+            from .joint._proof import prove_group
 
             sums = [prove_group(group, drafts, by_axis) for group in groups]
         together = {index: group.name for group in sums for index in group.fits}
         results = []
         for draft in drafts:
-            proved, group = draft.prove(by_axis[draft.axis]), together.get(draft.index)
-            own_remarks = (*proved.remarks, *draft.stays_on())
-            results.append(
-                dataclasses.replace(proved, group=group, remarks=own_remarks)
-            )
+            done, group = by_axis[draft.axis], together.get(draft.index)
+            proved = draft.prove(done)
+            said = (*proved.remarks, *done.remarks, *draft.stays_on())
+            results.append(dataclasses.replace(proved, group=group, remarks=said))
         result = JobResult(
             title=job.spec.title or job.path.stem,
             machine=job.spec.machine.model_dump(mode="json", exclude_none=True),

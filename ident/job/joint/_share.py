@@ -294,7 +294,7 @@ class LeftOutDraft(AbstractDraft):
         return LeftOutResult(
             **frame,
             error=dict.fromkeys(STAGES, figures),
-            remarks=(Remark.error(words), *remarks, *done.remarks),
+            remarks=(Remark.error(words), *remarks),
             held_out="block" if share is None else share.recording.held_out,
             part=None if share is None else share.part,
             noise=np.nan if share is None else share.noise,

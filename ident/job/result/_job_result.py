@@ -18,7 +18,7 @@ from ._result import AbstractResult, Remark, TableResult
 from ._verdict import Verdict
 
 if TYPE_CHECKING:
-    from ..joint import GroupResult
+    from ..joint._proof import GroupResult
 
 
 _SIZES = {

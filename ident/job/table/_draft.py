@@ -323,7 +323,6 @@ class TableDraft(AbstractDraft):
                 *self.said,
                 *fit_remarks(self, count, wild, beyond, places),
                 *switching_remarks(self),
-                *done.remarks,
             ),
             cycles=done.cycles if self._bilateral else None,
             held_out="run" if self.left.by_run else "block",

@@ -17,7 +17,7 @@ from ...exchange import (
 from ...kinds import kinds
 from ...proof import GateCheck
 from .._draft import AbstractDraft
-from .._gating import fit_checks, holds_back, not_compared, unsettled
+from .._gating import fit_checks, gate_remarks
 from ..file._load import Job
 from ..result._job_result import WholeAxis
 from ..result._result import Remark
@@ -187,9 +187,7 @@ def _axis_files(
             machine_entries |= draft.machine_entries(cycles)
         extra |= draft.extra_files()
         remarks += draft.machine_remarks()
-        remarks += [] if draft.converged else [unsettled(draft)]
-        remarks += not_compared(draft, gates[draft.index])
-        remarks += holds_back(draft, gates[draft.index], drafts)
+        remarks += gate_remarks(draft, gates[draft.index], drafts)
     listing, machine = None, None
     if entries:
         listing, notes = _listing(job, drafts, entries)

@@ -269,7 +269,7 @@ class BacklashDraft(AbstractDraft):
             dependence=change_along(float(share.part.values[0]), sides),
         )
         fit_remarks = remarks_of(result, self.plan.old is not None, self.plan.active)
-        remarks = (*share.remarks(), *fit_remarks, *done.remarks)
+        remarks = (*share.remarks(), *fit_remarks)
         return dataclasses.replace(result, remarks=remarks)
 
     def _held_out(self) -> Float[np.ndarray, " t"]:

@@ -200,7 +200,7 @@ class CrosstalkDraft(AbstractDraft):
         return CrosstalkResult(
             **self.frame(done),
             error=staged(before, predicted, residual, wild),
-            remarks=(*remarks_of(self, done.gates[self.index]), *done.remarks),
+            remarks=tuple(remarks_of(self, done.gates[self.index])),
             held_out="event",
             model=self.model if self.written else None,
             written=fit.kept(self.plan.acting) & self.written,

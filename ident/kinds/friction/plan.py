@@ -168,7 +168,7 @@ class FrictionDraft(AbstractDraft):
         return FrictionResult(
             **self.frame(done),
             error={stage: view.figures(getattr(view, stage)) for stage in STAGES},
-            remarks=(*self._remarks(), *done.remarks),
+            remarks=tuple(self._remarks()),
             held_out="window",
             identified=self.found,
             knots=self.knots,

@@ -255,7 +255,7 @@ class TemperatureDraft(AbstractDraft):
         return TemperatureResult(
             **self.frame(done),
             error=staged(before, predicted, from_file, wild),
-            remarks=(*remarks_of(self), *done.remarks),
+            remarks=tuple(remarks_of(self)),
             held_out=self.share.recording.held_out,
             no_effect=not (self.written or asks_for_none(self.fit)),
             reference=self.position,

@@ -9,11 +9,11 @@ from jaxtyping import Bool, Float, Int
 from ..._recording import JointData
 from ...fit import FitError
 from ...fit.joint import Temperature
+from ...job.joint._recording import GroupRecording, folds, read_group
 from ...job.result._result import Remark
 from ...readings import sensor_name
 
 if TYPE_CHECKING:
-    from ...job.joint._recording import GroupRecording
     from .plan import TemperaturePlan
 
 FEWEST = 4
@@ -24,7 +24,7 @@ _RANGE = 0.5
 
 def read_thermal(
     plan: "TemperaturePlan",
-) -> tuple["GroupRecording", Int[np.ndarray, " n"]]:
+) -> tuple[GroupRecording, Int[np.ndarray, " n"]]:
     """Return the readings of a temperature fit, all its measurements joined.
 
     Returns:
@@ -35,8 +35,6 @@ def read_thermal(
         FitError: If there is no plateau where one is asked for.
         JobError: If the measurements do not suit each other.
     """
-    from ...job.joint._recording import read_group  # takes long to load
-
     group = read_group(plan.tables, [plan])
     data, rows, remarks = group.data, np.arange(len(group.data)), [*group.remarks]
     time, words = data.time, ""
@@ -70,11 +68,9 @@ def read_thermal(
 
 
 def only_these(
-    recording: "GroupRecording", rows: Int[np.ndarray, " n"]
-) -> "GroupRecording":
+    recording: GroupRecording, rows: Int[np.ndarray, " n"]
+) -> GroupRecording:
     """Return a recording with errors in some rows only: lags remember the others."""
-    from ...job.joint._recording import folds  # takes long to load
-
     (axis, error), *_ = recording.data.error.items()
     errors = np.full(len(error), np.nan)
     errors[rows] = error[rows]

@@ -143,7 +143,7 @@ class TemperaturePlan(AbstractPlan):
         rows: Int[np.ndarray, " n"],
     ) -> TemperatureDraft:
         """Return the draft of a line whose laws and lags are chosen."""
-        from ...job.joint import fit_group_of_one  # takes long to load
+        from ...job.joint._group import fit_group_of_one  # takes long to load
 
         lags = self.line(recording.data).lags
         applied = {sensor: lags[sensor] for sensor, lag in line.lags.items() if lag}
