@@ -9,7 +9,7 @@ from jaxtyping import Float
 from ...data.lists import new_list
 from ..exchange import AxisLists, ExchangeError, to_add
 from ..kinds import kind
-from ..kinds._keys import FitSpec
+from ..kinds._keys import Fault, FitSpec
 from ..proof.axis import added_beyond
 from ..readings import Rows
 from ._draft import AbstractDraft
@@ -38,9 +38,8 @@ def leftovers(job: Job) -> dict[tuple[int, str], list["Acting"]]:
             used = before.used
         except ExchangeError:
             continue  # the checks of the lists say it
-        _refuse_taken_over(job, fit, before)
-        _refuse_switched_off(job, fit, before)
-        _refuse_warm(job, fit, before)
+        for where, reason in _conflicts(job, fit, before):
+            raise job.error(where, reason)
         for name in _overlapping(job, fit, before):
             for source in fit.sources:
                 if name in job.spec.measurements[source].active:
@@ -159,67 +158,51 @@ def _overlapping(job: Job, fit: FitSpec, before: AxisLists) -> Iterator[str]:
             yield name
 
 
-def _refuse_taken_over(job: Job, fit: FitSpec, before: AxisLists) -> None:
-    """Raise where a table takes over what may have acted while it was measured."""
-    for name in (name for name in fit.switches_off if name in before.used):
-        for source in fit.sources:
-            stated = job.spec.measurements[source].stated_active
-            if stated is None and before.acts(name):
-                raise job.error(
+def _conflicts(job: Job, fit: FitSpec, before: AxisLists) -> Iterator[Fault]:
+    """Yield what of the lists of an axis contradicts its readings, each with the answers."""
+    specs = {source: job.spec.measurements[source] for source in fit.sources}
+    fitted = {other.compensation for other in job.spec.fits if other.axis == fit.axis}
+    # A table takes over what may have acted while it was measured.
+    for name in fit.switches_off:
+        for source, spec in specs.items():
+            if spec.stated_active is None and before.acts(name):
+                yield (
                     ("measurements", source),
                     f"found no active, and {before.used[name].listing.source} switches on the"
                     f" {name} of {fit.axis}, which this {fit.compensation} takes over:"
                     " expected active = [] if it was off while measuring; if it was on,"
                     " measure without it",
                 )
-
-
-def _refuse_switched_off(job: Job, fit: FitSpec, before: AxisLists) -> None:
-    """Raise where a table over the same axes acted in the readings, and will act no more.
-
-    The axis list has it off: what the new table leaves to it, nothing would correct.
-    """
-    if before.machine is None:
-        return
-    everything = dataclasses.replace(before, machine=None)
-    for name in _overlapping(job, fit, everything):
-        if name in before.used:
-            continue
-        for source in fit.sources:
-            if name in job.spec.measurements[source].active:
-                entry = kind(name).activation
-                raise job.error(
+    # The axis list has off what acted in the readings over the same axes: what a new table leaves
+    # to it, nothing would correct.
+    machine = before.machine
+    for name in _overlapping(job, fit, dataclasses.replace(before, machine=None)):
+        entry = kind(name).activation
+        for source, spec in specs.items():
+            if machine is not None and name not in before.used and name in spec.active:
+                yield (
                     ("measurements", source, "active"),
-                    f"found {name}, which {before.machine.source} switches off on"
+                    f"found {name}, which {machine.source} switches off on"
                     f" {fit.axis} ({entry}): the {fit.compensation} would leave to it"
                     f" what nothing corrects then; expected {entry} 1 there if it will"
                     f" act, or active without {name} if it was off on {fit.axis}",
                 )
-
-
-def _refuse_warm(job: Job, fit: FitSpec, before: AxisLists) -> None:
-    """Raise where a PLC moves an axis by its temperature and lengths do not say theirs.
-
-    What a warm axis has grown by would stand in the table, too.
-    """
-    fitted = {other.compensation for other in job.spec.fits if other.axis == fit.axis}
-    for name in before.used:
-        if not (kind(name).by_plc and fit.kind.table and fit.lengths):
+    # A PLC moves an axis by its temperature: what a warm axis has grown by would stand in the
+    # table, too.
+    for name in before.used if fit.kind.table and fit.lengths else ():
+        if not kind(name).by_plc or name in fitted or before.acts(name):
             continue
-        if name in fitted or before.acts(name):
-            continue
-        for source in fit.sources:
-            spec = job.spec.measurements[source]
+        for source, spec in specs.items():
             if spec.at_reference or name in spec.active:
                 continue
-            listing = before.used[name].listing.source
-            raise job.error(
+            yield (
                 ("measurements", source),
                 f"found lengths of {fit.axis} without their temperature, and"
-                f" {listing} switches a law of the PLC on ({kind(name).activation}): what a"
-                " warm axis has grown by would be taken off twice; expected expansion and"
-                " material_temperature, already_compensated = true if these lengths are"
-                f' those at the reference temperature, or active = ["{name}"] if it acted',
+                f" {before.used[name].listing.source} switches a law of the PLC on"
+                f" ({kind(name).activation}): what a warm axis has grown by would be taken off"
+                " twice; expected expansion and material_temperature, already_compensated ="
+                " true if these lengths are those at the reference temperature, or active ="
+                f' ["{name}"] if it acted',
             )
 
 

@@ -433,8 +433,7 @@ def _with_partner(
             fault = str(error)
         turned = [name for name, (other_way, _) in against.items() if other_way]
         twist = max((offset for _, offset in against.values()), default=0.0)
-        where, advice = f"{partner} has all that acts on {axis}", ""
-        doubt: Remark | None = None
+        where, advice, doubt = f"{partner} has all that acts on {axis}", "", ""
         if lacking:
             where = f"{partner} has no {' and no '.join(lacking)} like that of {axis}"
             advice = (
@@ -463,22 +462,20 @@ def _with_partner(
             where = f"{partner} has another manual_activation of {' and '.join(apart)}"
             advice = "Let both wait for COMP ON, or none."
         elif extra := [name for name in others if name not in waits]:
-            words = (
+            doubt = (
                 f"{partner}, the gantry partner of {axis}, has {' and '.join(extra)}, and"
                 f" {axis} has not: they move apart by what it adds. Name the list that"
                 f" {axis} has ([axes.{axis}] list = …), or fit {axis} as well."
             )
-            doubt = Remark.warning(words)
         elif turned:
             # Where both were measured, each has the sign that its readings ask for.
-            words = (
+            doubt = (
                 f"{axis} and its gantry partner {partner} were measured with opposite errors"
                 f" ({' and '.join(turned)}): their lists move them up to"
                 f" {max(against[name][1] for name in turned):.4g} mm apart. Was one of them"
                 " measured from the other end, so that its sign is turned (sign = -1 of"
                 " its column)?"
             )
-            doubt = Remark.warning(words)
         elif twist:
             remedy = (
                 f'Fit {partner} as well ([[fits]] with axis = "{partner}"), unless its list'
@@ -486,14 +483,13 @@ def _with_partner(
             )
             if fitted:
                 remedy = "Is the unit of both columns right?"
-            words = (
+            doubt = (
                 f"{axis} and its gantry partner {partner} are moved up to {twist:.4g} mm"
                 f" apart by their lists, more than half of what {axis} is moved. {remedy}"
             )
-            doubt = Remark.warning(words)
         wrong = float(len(lacking) or bool(advice))
         check = gate_check("gantry", wrong, 0.0, "lists missing", where)
-        remarks = whole.remarks if doubt is None else (*whole.remarks, doubt)
+        remarks = [*whole.remarks, *[Remark.warning(doubt)] * bool(doubt)]
         if advice:
             largest = whole.sizes.get("max_correction", np.nan)
             words = (
@@ -501,8 +497,9 @@ def _with_partner(
                 f"{where.removeprefix(partner)}: one of the two alone would twist the"
                 f" gantry by up to {largest:.4g} mm. {advice}"
             )
-            remarks = (*remarks, Remark.error(words))
-        whole = dataclasses.replace(whole, gate=(*whole.gate, check), remarks=remarks)
+            remarks.append(Remark.error(words))
+        gate = (*whole.gate, check)
+        whole = dataclasses.replace(whole, gate=gate, remarks=tuple(remarks))
     return whole
 
 

@@ -120,7 +120,7 @@ class OutFolder:
             if not self._made:
                 tempfile.TemporaryFile(dir=root).close()
         # What an earlier run of the job wrote, and what of it may be written over by now.
-        earlier = None if self._made else _digests_in(root / RESULT, job, machine)
+        earlier = _digests_in(root / RESULT, job, machine)
         self._earlier = earlier or {}
         self._is_known = earlier is not None
         self._free = {RESULT} if self._is_known else set[str]()
@@ -133,7 +133,7 @@ class OutFolder:
 
     def _is_strange(self, name: str) -> bool:
         """Return whether a file lies in the folder that no run of the job left like this."""
-        if self._made or name in self._free or not (self.root / name).is_file():
+        if name in self._free or not (self.root / name).is_file():
             return False
         content = (self.root / name).read_bytes()
         if self._earlier.get(name) == _digest(content):
@@ -147,8 +147,6 @@ class OutFolder:
         Raises:
             OutputError: Naming the file and what to do.
         """
-        if self._made:
-            return  # nothing could lie in it before
         theirs = {source.resolve() for source in self._sources}
         for name in names:
             target = self.root / name
@@ -170,8 +168,7 @@ class OutFolder:
         self.keep(name, content)
         target = self.root / name
         with _reported(target, "cannot write"):
-            if "/" in name or not self._made:
-                target.parent.mkdir(parents=True, exist_ok=True)
+            target.parent.mkdir(parents=True, exist_ok=True)
             write_atomically(target, content, sync=self._sync)
         self.digests[name] = _digest(content)
         return Path(name)
@@ -248,8 +245,6 @@ class OutFolder:
 
         A file that no earlier run wrote is the user's and stays where it is.
         """
-        if self._made and name not in self.digests:
-            return
         target = self.root / name
         if self._is_strange(name):
             self.remarks.append(
