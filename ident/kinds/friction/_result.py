@@ -13,8 +13,7 @@ from ...job._draft import Foreseen
 from ...job._gating import leaves_what_was_predicted
 from ...job.result._result import AbstractResult, Expectation
 from ...proof import CircularTest, ErrorFigures, GateCheck, error_figures
-from ._identify import Identified
-from ._listing import LawCurve
+from ._law import Identified, LawCurve
 from ._recording import DriveRecording
 
 _JOG = 1.0

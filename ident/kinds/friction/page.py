@@ -10,7 +10,7 @@ from ....data.units import small_unit
 from ...report import _style as style
 from ...report._body import Body, Plot
 from ...report._scale import Scale, count, grouped, number, percent, place
-from ._listing import LawCurve
+from ._law import LawCurve
 from ._result import FrictionResult
 
 _BINS, _FINE = 28, 40

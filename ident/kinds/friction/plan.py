@@ -15,11 +15,12 @@ from ...job.result._result import STAGES, Remark
 from ...proof import CircularTest, GateCheck, circular_test
 from ...readings import Tables
 from ._changes import changes
-from ._identify import Identified, identify
-from ._listing import (
+from ._law import (
     FIRST_LEVEL,
     RATED,
+    Identified,
     LawCurve,
+    identify,
     law_curve,
     out_unit,
 )

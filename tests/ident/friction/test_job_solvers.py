@@ -121,7 +121,7 @@ def test_ipopt_in_a_job_ends_no_higher_than_optimistix(
     driven: Path, output: FrictionResult, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # Without inequalities both jobs hold windows out by optimistix: once is enough.
-    held_out = "axcomp.ident.kinds.friction._identify.laws_held_out"
+    held_out = "axcomp.ident.kinds.friction._law.laws_held_out"
     monkeypatch.setattr(held_out, lambda *_: output.identified.without)
     second = run(driven, 0.004, 'method = "output_error"\nsolver = "ipopt"')
     assert output.identified.output is not None

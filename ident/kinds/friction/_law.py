@@ -1,4 +1,4 @@
-"""What a friction list can say of a law: the law over the speeds, and what a unit is."""
+"""From a recording to the law, by windows held out, and to what a list can say of it."""
 
 import dataclasses
 
@@ -6,10 +6,25 @@ import numpy as np
 from jaxtyping import Float
 
 from ....data.signals import quantile
-from ...friction import DriveSamples, Knots
-from ._identify import Identified
+from ...core import FitError
+from ...friction import (
+    Choice,
+    DriveSamples,
+    FrictionFit,
+    Knots,
+    Laws,
+    OutputErrorFit,
+    ReversalFit,
+    choose_law,
+    fit_output_error,
+    fit_reversal,
+    laws_held_out,
+)
+from ...job.result._result import Remark
+from ._recording import DriveRecording
 from .keys import Spec
 
+_SAME_CLOCK = 0.01
 _POINTS = 200
 _BINS = 60
 _ENOUGH = 0.05
@@ -19,6 +34,91 @@ RATED = {"A": "rated_current", "Nm": "rated_torque", "N": "rated_torque"}
 FIRST_LEVEL = 0.15
 """Share of the friction that a list gives until the sign of its current is settled: one of
 full size with the wrong sign shakes the machine."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Identified:
+    """A law and how it was found.
+
+    Attributes:
+        choice: Which laws competed on windows held out.
+        output: The output-error fit, where it was asked for.
+        reversal: What reversals show, where it was asked for and they show it.
+        without: Laws fitted without each window in turn.
+        remarks: What the user must know of reversals.
+    """
+
+    choice: Choice
+    output: OutputErrorFit | None
+    reversal: ReversalFit | None
+    without: Laws
+    remarks: tuple[Remark, ...]
+
+    @property
+    def fit(self) -> FrictionFit:
+        """What a list follows: the simplest law, or table, that predicts as well as the best."""
+        return self.choice.fit if self.output is None else self.output.friction
+
+    @property
+    def law(self) -> FrictionFit:
+        """The law in words (Coulomb, Stribeck) that predicts best; `fit` where it is one."""
+        return self.choice.law if self.output is None else self.output.friction
+
+
+def identify(recording: DriveRecording, spec: Spec, cycle_time: float) -> Identified:
+    """Find the law of friction in a recording.
+
+    Raises:
+        FitError: If the recording does not carry any law.
+    """
+    samples = recording.samples
+    inertia = spec.inertia if isinstance(spec.inertia, float) else None
+    loss = spec.loss if "loss" in spec.model_fields_set else "trim"
+    reversal, remarks = None, list[Remark]()
+    if spec.reversal:
+        reversal, remarks = _reversal(recording, inertia, cycle_time)
+    if reversal is not None:
+        # What is missing around reversals is none of the law's.
+        current = samples.current + reversal.missing
+        samples = dataclasses.replace(samples, current=current)
+    choice = choose_law(samples, inertia=inertia, loss=loss)
+    output, without = None, choice.without
+    if spec.method == "output_error":
+        # A table cannot be simulated sample by sample; the law in words can.
+        kept = tuple(spec.constraints)
+        output = fit_output_error(
+            choice.law, samples, solver=spec.solver, constraints=kept
+        )
+        without = laws_held_out(output, samples, choice.window, loss)
+    return Identified(choice, output, reversal, without, tuple(remarks))
+
+
+def _reversal(
+    recording: DriveRecording, inertia: float | None, cycle_time: float
+) -> tuple[ReversalFit | None, list[Remark]]:
+    """Return what reversals show, or a remark that says why nothing does."""
+    samples = recording.samples
+    if abs(samples.cycle - cycle_time) > _SAME_CLOCK * cycle_time:
+        words = (
+            f"reversal: the recording has a sample every {1e3 * samples.cycle:g} ms,"
+            f" expected one per cycle of {1e3 * cycle_time:g} ms (cycle_time): its"
+            " cycles cannot be counted."
+        )
+        return None, [Remark.error(words)]
+    # The file does not say whether a velocity belongs to the step before a position or to
+    # the steps around it, which moves reversals by half a cycle.
+    place = recording.commanded
+    step = np.diff(place, prepend=place[:1]) / samples.cycle
+    rates = step, np.gradient(place, samples.cycle)
+    try:
+        fits = [fit_reversal(samples, place, v, inertia=inertia) for v in rates]
+    except FitError as error:
+        return None, [Remark.error(f"reversal: {error}")]
+    reversal = min(fits, key=lambda fit: fit.noise)
+    return reversal, [
+        Remark.error(f"reversal: {name} is not known: {reason}")
+        for name, reason in reversal.undetermined.items()
+    ]
 
 
 def out_unit(spec: Spec, unit: str) -> float | None:
