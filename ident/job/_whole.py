@@ -279,17 +279,11 @@ class _Axis:
                 remarks.append(Remark.info(f"{words} is not known: {reading}."))
                 continue
             measured, motion = reading
-            sensors = [name for draft in self.drafts for name in draft.warmth]
-            if not all(name in motion.temperatures for name in sensors):
-                sensors = []
-            warm = {name: motion.temperatures[name] for name in sensors}
+            lags = {k: v for draft in self.drafts for k, v in draft.lags.items()}
+            shown = motion.temperatures
+            warm = {name: shown[name] for name in lags if lags.keys() <= shown.keys()}
             if (time := measured.time) is not None:
-                lags = {k: v for draft in self.drafts for k, v in draft.lags.items()}
-                warm |= {
-                    name: clocked(time, warm[name]).structure(lag)
-                    for name, lag in lags.items()
-                    if name in warm
-                }
+                warm = {k: clocked(time, v).structure(lags[k]) for k, v in warm.items()}
             motion = dataclasses.replace(motion, temperatures=warm)
             added = added_beyond(loaded, before, spec.active, motion)
             if draft.kind.table and spec.at_reference:

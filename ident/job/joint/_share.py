@@ -61,16 +61,6 @@ class Share:
         """In mm or °, what its table takes over of the axis's datum."""
         return self.group.datum[0][self.number]
 
-    @property
-    def constant_deviation(self) -> float:
-        """Standard deviation of that in mm or °; 0 where it takes none over.
-
-        Where the instrument drifted, nobody knows at what instant its zero was right.
-        """
-        if not self.constant:
-            return 0.0
-        return float(np.hypot(self.fit.datum[self.axis][1], self.drifted))
-
     @cached_property
     def drifted(self) -> float:
         """What the mean of the drifts of all runs may be off by, in mm or °; 0 without one."""

@@ -283,7 +283,10 @@ def _fit_of_share(plan: Plan, share: "Share") -> TableFit:
     """Return a part of a joint fit as the fit of a single table."""
     part = share.part
     deviation = part.effect.table(part.standard_deviation)
-    deviation = np.hypot(deviation, share.constant_deviation)
+    if share.constant:
+        # Where the instrument drifted, nobody knows at what instant its zero was right.
+        zero = np.hypot(share.fit.datum[plan.axis][1], share.drifted)
+        deviation = np.hypot(deviation, zero)
     support = np.asarray(part.effect.table(part.support.astype(float)))
     # What only neighbours of the same table hide is filled like any other gap.
     hidden = ~np.isfinite(deviation)
