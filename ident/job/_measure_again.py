@@ -276,10 +276,8 @@ def _with_factors(
                 rest = error - columns @ fitted.coefficients
                 if np.std(rest) > LESS * predicted[axis]:
                     continue
-                values, spread = fitted.coefficients, fitted.standard_deviation
-                pairs = [
-                    (float(values[n]), float(spread[n])) for n in range(len(values))
-                ]
+                numbers = np.stack([fitted.coefficients, fitted.standard_deviation], 1)
+                pairs = [(float(value), float(spread)) for value, spread in numbers]
                 still = dict(zip(acted, pairs[1 + len(own) :], strict=False))
                 for n, (k, one) in enumerate(own.items(), start=1):
                     factor = 1.0 + pairs[n][0], pairs[n][1]

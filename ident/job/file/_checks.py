@@ -106,10 +106,11 @@ def _lengths(measured: MeasurementSpec, where: KeyPath) -> Iterator[Fault]:
 
 def _files(measured: MeasurementSpec, where: KeyPath) -> Iterator[Fault]:
     files = measured.files
+    offsets = measured.offsets
     if files is None:
         if measured.file is None:
             yield (*where, "file"), "found nothing, expected this key"
-        if measured.offsets is not None:
+        if offsets is not None:
             reason = "found without files, expected it beside several files"
             yield (*where, "offsets"), reason
     else:
@@ -120,13 +121,11 @@ def _files(measured: MeasurementSpec, where: KeyPath) -> Iterator[Fault]:
         if measured.profile is not None:
             reason = "found beside files, expected a single file"
             yield (*where, "profile"), reason
-        offsets = measured.offsets
         if offsets is not None and len(offsets) != len(files) - 1:
-            yield (
-                (*where, "offsets"),
+            reason = (
                 f"found {len(offsets)} for {len(files)} files, expected one for each"
-                " file after the first",
             )
+            yield (*where, "offsets"), f"{reason} file after the first"
     if measured.rows is not None and measured.rows[0] > measured.rows[1]:
         yield (*where, "rows"), f"found {list(measured.rows)}, expected first ≤ last"
     for role, column in measured.columns.items():

@@ -195,8 +195,7 @@ def plan(tables: Tables, index: int, fit: TableSpec) -> Plan:
     Raises:
         JobError: If nodes, masters or existing lists do not suit.
     """
-    job, lists = tables.job, tables.job.lists[fit.axis]
-    existing, axis_list = lists.compensation, lists.machine
+    job, existing = tables.job, tables.job.lists[fit.axis].compensation
     where = ("fits", index)
     holder = None  # the list that has this table already
     if existing is not None and not fit.kind.entries.adds_nothing(existing):
@@ -232,16 +231,9 @@ def plan(tables: Tables, index: int, fit: TableSpec) -> Plan:
             "found 'monotone' for a table that goes round, expected one with two ends"
         )
         raise job.error((*where, "constraints"), reason)
-    return Plan(
-        job=job,
-        index=index,
-        fit=fit,
-        table=table,
-        old=old,
-        active=active,
-        datum=datum_of(job, index, fit),
-        remarks=(*notes, *_remarks(job, fit, existing, axis_list, old, active)),
-    )
+    datum = datum_of(job, index, fit)
+    planned = Plan(job, index, fit, table, old, active, datum, ())
+    return dataclasses.replace(planned, remarks=(*notes, *_remarks(planned)))
 
 
 def _old_table(
@@ -277,15 +269,10 @@ def _displaced(job: Job, fit: TableSpec, source: str, masters: Sequence[int]) ->
     )
 
 
-def _remarks(
-    job: Job,
-    fit: TableSpec,
-    existing: ListFile | None,
-    axis_list: ListFile | None,
-    old: Model | None,
-    active: bool,
-) -> Iterator[Remark]:
-    if active:
+def _remarks(plan: Plan) -> Iterator[Remark]:
+    job, fit, existing = plan.job, plan.fit, plan.lists.compensation
+    axis_list = plan.lists.machine
+    if plan.active:
         yield Remark.info(
             "The old table was active while measuring: the new one is old + residual."
         )
@@ -295,7 +282,7 @@ def _remarks(
                 f" ({fit.kind.activation}), and active says that it was on while measuring:"
                 " where it was off, the new table holds the old one once too often."
             )
-    elif old is not None:
+    elif plan.old is not None:
         yield Remark.info(
             "The old table was off while measuring: the new one replaces it."
         )
