@@ -269,7 +269,8 @@ def fit(
         datum: Position where the error is zero, one per master, also as ``{"at": …}``; for
             a table alone on its axis, whose values then say so.
         active: Models that acted while measuring, by name of the effect (`load_model`
-            gives them): the new values are old + residual. Tables and backlash.
+            gives them): the new values are old + residual. Tables and backlash. ``{}``: all
+            was off, which `Fit.write` asks for where a list holds what is fitted.
         constraints: What the entries of a table keep, by name of the effect:
             ``{"leadscrew": ["monotone"]}`` turns back nowhere, ``"non-negative"`` is
             nowhere below zero; or a function to values that the model keeps at or above
@@ -286,7 +287,8 @@ def fit(
     """
     check_options(loss, remove, solver, smoothness, drift)
     effects = stack_of(effects)
-    constraints, active = by_name(constraints), models_by_name(active)
+    said, active = active is not None, models_by_name(active)
+    constraints = by_name(constraints)
     if constraints and solver == "factor":
         msg = "constraints need solver='ipopt': the factor knows no inequalities."
         raise FitError(msg)
@@ -303,7 +305,7 @@ def fit(
     treated = {"drift": drift, "remove": remove, "datum": place}
     check_names(names, effects, active, constraints)
     stated = Stated(
-        effects, given, options, treated, active, names, constraints
+        effects, given, options, treated, active if said else None, names, constraints
     )  # fmt: skip
     way = cast("Literal['none', 'offset', 'line']", remove)
     recording = recording_of(stack, without_zero_of(stack, given, way))

@@ -34,7 +34,7 @@ class Stated:
         readings: Arrays by role in mm, °, s, °C, before anything was taken off.
         options: Keys of each fit.
         treated: Keys of the measurement.
-        active: Models that acted while measuring, by name of the effect.
+        active: Models that acted while measuring, by name of the effect; None: nobody said.
         names: Of the effects.
         constraints: What effects keep, by name: words, or a function.
     """
@@ -43,7 +43,7 @@ class Stated:
     readings: Mapping[str, np.ndarray]
     options: Mapping[str, Any]
     treated: Mapping[str, Any]
-    active: Mapping[str, Any]
+    active: Mapping[str, Any] | None
     names: tuple[str, ...]
     constraints: Mapping[str, Any] = dataclasses.field(default_factory=dict)
 
@@ -51,7 +51,8 @@ class Stated:
     def active_kinds(self) -> tuple[str, ...]:
         """Compensations of the effects that acted while measuring."""
         pairs = zip(self.names, self.effects, strict=True)
-        kinds = (one.compensation for name, one in pairs if name in self.active)
+        acted = self.active or {}
+        kinds = (one.compensation for name, one in pairs if name in acted)
         return tuple(dict.fromkeys(kinds))
 
     @property
@@ -149,15 +150,12 @@ def _refuse_half_active(stated: Stated, axes: Mapping[str, Mapping[str, Any]]) -
     """Refuse what a job cannot say: a table on while measuring, and its like of a list off."""
     from .exchange import load_model
 
+    active = stated.active or {}
     for name, one in zip(stated.names, stated.effects, strict=True):
         path, step = (axes[one.axis].get(key) for key in ("list", "increment"))
-        if (
-            name in stated.active
-            and path is not None
-            and isinstance(one, AbstractTable)
-        ):
+        if name in active and path is not None and isinstance(one, AbstractTable):
             listed = load_model(path, increment=step).get(one.compensation)
-            acted = one.offsets(stated.active[name])
+            acted = one.offsets(active[name])
             apart = 0.0 if listed is None else np.abs(one.offsets(listed) - acted).max()
             if apart > _UNIT:
                 msg = (
@@ -165,7 +163,7 @@ def _refuse_half_active(stated: Stated, axes: Mapping[str, Mapping[str, Any]]) -
                     f" model of {name} by {apart:.2g} mm or °, expected the list that acted"
                 )
                 raise FitError(msg)
-        if name in stated.active or one.compensation not in stated.active_kinds:
+        if name in active or one.compensation not in stated.active_kinds:
             continue
         if path is not None and one.compensation in load_model(path, increment=step):
             msg = (
@@ -233,11 +231,9 @@ def _measurement(
         for text, values in arrays.items()
     }
     pq.write_table(pa.table(table), path)
-    return {
-        "file": path.name,
-        "active": list(stated.active_kinds),
-        "columns": columns,
-    } | treated
+    if stated.active is not None:
+        treated["active"] = list(stated.active_kinds)
+    return {"file": path.name, "columns": columns} | treated
 
 
 def _complete(arrays: Mapping[str, np.ndarray]) -> Bool[np.ndarray, " t"]:

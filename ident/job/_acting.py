@@ -1,7 +1,7 @@
 """What will act beside a fit, and did not while it was measured: handed on to it, or refused."""
 
 import dataclasses
-from collections.abc import Iterator, Sequence
+from collections.abc import Container, Iterable, Iterator, Sequence
 
 import numpy as np
 from jaxtyping import Float
@@ -126,20 +126,31 @@ class Acting:
         before = self.job.lists[self.axis]
         added = added_beyond(self.loaded, before, acted, motion)
         if self.name not in added:
-            missing = [
-                f"{name}.position"
-                for name, axis in self.job.spec.axes.items()
-                if axis.number in self.loaded.inputs(self.name)
-                and axis.number not in motion.positions
-            ]
+            missing, named = absent(
+                self.job, self.loaded.inputs(self.name), motion.positions
+            )
             raise self.job.error(
                 (),
                 f"{self.words} will act on {self.axis} as well and was off while"
                 f" {rows.measured.source} was measured: found no {', '.join(missing)} there,"
                 " expected it, so that the new table corrects what is left, or the same"
-                ' group = "…" in the [[fits]] of both',
+                f' group = "…" in the [[fits]] of both.{named}',
             )
         return added[self.name]
+
+
+def absent(
+    job: Job, inputs: Iterable[int], positions: Container[int]
+) -> tuple[list[str], str]:
+    """Return the roles of positions that readings lack, and how to name axes of a list.
+
+    A list may follow an axis that the job does not name.
+    """
+    axes = {axis.number: name for name, axis in job.spec.axes.items()}
+    numbers = sorted(number for number in inputs if number not in positions)
+    strange = [f"[axes.A{k}] number = {k}" for k in numbers if k not in axes]
+    words = f" Name the axis as well: {', '.join(strange)}." if strange else ""
+    return [f"{axes.get(k, f'A{k}')}.position" for k in numbers], words
 
 
 def _overlapping(job: Job, fit: FitSpec, before: AxisLists) -> Iterator[str]:

@@ -173,6 +173,7 @@ def _write(
         names = _names_of(axis.number, [draft.fit for draft in axis.drafts])
         written = folder.renew(names, contents | dict(axis.extra), failed=axis.failed)
         axes.append(axis.as_written(folder.root, written))
+    folder.retire_others(_names(job))
     fragment = startup_fragment(files)
     folder.renew([_STARTUP], {} if fragment is None else {_STARTUP: fragment.dumps()})
     notes = [

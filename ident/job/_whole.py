@@ -29,6 +29,7 @@ from ..proof.axis import (
     switching_cycles,
 )
 from ..readings import Tables, longer_than, read_error, without_zero
+from ._acting import absent
 from ._draft import AbstractDraft
 from ._gating import spread_over
 from .file._load import Job
@@ -331,16 +332,11 @@ class _Axis:
     ) -> Remark | None:
         """Return which columns a measurement lacks that compensations follow, or None."""
         inputs = {axis for name in names for axis in loaded.inputs(name)}
-        roles = [
-            f"{name}.position"
-            for name, axis in self.job.spec.axes.items()
-            if axis.number in inputs - motion.positions.keys()
-        ]
-        warm = ""
+        roles, warm = absent(self.job, inputs, motion.positions)
         if any("temperature" in kind(name).follows for name in names):
             sensors = dict.fromkeys(s for draft in self.drafts for s in draft.warmth)
             roles += [f"temperature.{name}" for name in sensors]
-            warm = f" {_WARM}" * bool(sensors)
+            warm += f" {_WARM}" * bool(sensors)
         if not roles:
             return None
         words = ", ".join(f'"{role}" = {{ value = … }}' for role in roles)
@@ -434,6 +430,13 @@ def _with_partner(
                 f'Fit {partner} as well ([[fits]] with axis = "{partner}"), or give its'
                 f" list ([axes.{partner}] list = …) if it has one."
             )
+            off = [name for name in lacking if _is_off(theirs, name)]
+            if off:
+                entries = " and ".join(f"{kind(name).activation} 1" for name in off)
+                advice = (
+                    f"The list of {partner} holds {' and '.join(off)}, and its axis list"
+                    f" (machine_data) does not switch it on: set {entries} there."
+                )
             if fitted and {*lacking} <= {draft.compensation for draft in fitted.drafts}:
                 advice = (
                     f"The fit of {partner} found nothing to correct: look at its readings"
@@ -448,9 +451,9 @@ def _with_partner(
         elif turned and not fitted:
             where = f"{partner} acts with the opposite sign: {' and '.join(turned)}"
             advice = (
-                f"Turn the sign of the list of {partner}, or fit {partner} as well"
-                f' ([[fits]] with axis = "{partner}"): where both are measured, each has'
-                " its own."
+                f'Fit {partner} as well ([[fits]] with axis = "{partner}"): where both are'
+                f" measured, each has its own sign. Or is the sign of the error of {axis}"
+                " turned (sign = -1 of its column)?"
             )
         elif apart:
             where = f"{partner} has another manual_activation of {' and '.join(apart)}"
@@ -482,7 +485,7 @@ def _with_partner(
                 f" apart by their lists, more than half of what {axis} is moved. {remedy}"
             )
         wrong = float(len(lacking) or bool(advice))
-        check = gate_check("gantry", wrong, 0.0, "lists missing", where)
+        check = gate_check("gantry", wrong, 0.0, "faults", where)
         remarks = [*whole.remarks, *[Remark.warning(doubt)] * bool(doubt)]
         if advice:
             largest = whole.sizes.get("max_correction", np.nan)
@@ -495,6 +498,13 @@ def _with_partner(
         gate = (*whole.gate, check)
         whole = dataclasses.replace(whole, gate=gate, remarks=tuple(remarks))
     return whole
+
+
+def _is_off(lists: AxisLists, name: str) -> bool:
+    """Return whether a compensation stands in the list and the axis list leaves it off."""
+    listing = lists.compensation
+    held = listing is not None and kind(name).entries.is_in(listing)
+    return held and name not in lists.used
 
 
 def _follows(lists: AxisLists, name: str) -> set[int]:

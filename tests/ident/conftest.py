@@ -87,6 +87,7 @@ def _fit(
         masters=masters,
         units=("mm",) * len(masters),
         unit="mm",
+        limits={},
         nodes=layout.nodes,
         table=entries,
         standard_deviation=dict(

@@ -54,6 +54,18 @@ def run(
     return result
 
 
+def test_entries_for_an_axis_list_that_nobody_gave_ask_for_a_restart(
+    tmp_path: Path,
+) -> None:
+    readings(tmp_path)
+    run(tmp_path)
+    sheet = json.loads((tmp_path / "out" / "result.json").read_text())["load_sheet"]
+    actions = {step["action"] for step in sheet}
+    # Without a compensation list there is nothing to reload.
+    assert "Restart the controller" in actions
+    assert "Reload the lists" not in actions
+
+
 def test_size_comes_back_within_its_deviation(tmp_path: Path) -> None:
     readings(tmp_path)
     found = run(tmp_path)

@@ -71,6 +71,18 @@ def test_list_of_an_earlier_run_is_moved_beside_the_rejected_one(
                for r in result.remarks)  # fmt: skip
 
 
+def test_list_of_an_axis_that_the_job_had_before_goes(tmp_path: Path) -> None:
+    path = job(tmp_path)
+    run_job(path, tmp_path / "out")
+    path.write_text(path.read_text().replace("number = 1", "number = 2"))
+    result = run_job(path, tmp_path / "out")
+    assert {p.name for p in (tmp_path / "out").glob("achs*.lis")} == {
+        "achskw2.lis", "achsmds2.add.lis"
+    }  # fmt: skip
+    assert any("achskw1.lis of an earlier run was moved" in r.message
+               for r in result.remarks)  # fmt: skip
+
+
 def test_start_up_entries_of_an_earlier_run_go_with_its_list(tmp_path: Path) -> None:
     run_job(job(tmp_path), tmp_path / "out")
     run_job(job(tmp_path, gate=GATE), tmp_path / "out")

@@ -484,6 +484,19 @@ def test_a_job_is_not_written_where_it_would_fit_something_else(tmp_path: Path) 
         axcomp.fit(heat, data).write(tmp_path, axes={"X": 1, "Y": 2})
 
 
+def test_a_list_is_not_replaced_before_it_is_said_that_it_was_off(
+    tmp_path: Path,
+) -> None:
+    old = axcomp.fit([SCREW], along_x(0))["leadscrew"].model
+    path = axcomp.write_lists(axcomp.AxisModels(1, {"leadscrew": old}), tmp_path)[0]
+    with pytest.raises(
+        axcomp.AxcompError, match="leadscrew of X already, expected active ="
+    ):
+        axcomp.fit([SCREW], along_x(1)).write(tmp_path / "out", lists={1: path})
+    fit = axcomp.fit([SCREW], along_x(1), active={})
+    assert fit.write(tmp_path / "off", lists={1: path}).files
+
+
 def test_a_table_that_was_off_beside_one_that_was_on_is_not_added_to(
     tmp_path: Path,
 ) -> None:

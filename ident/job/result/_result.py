@@ -276,6 +276,8 @@ class TableResult(AbstractResult):
         masters: Axes whose positions enter the table (leadscrew: the axis itself),
             master 1 first.
         units: Of each one's positions, ``mm`` or ``°``.
+        limits: Software limits of masters that have some.
+        limits: Software limits of the masters that have some.
         nodes: Node positions per master in its unit.
         table: Written table by branch name in ``unit`` and with the sign of the list
             entries: ``{"": …}`` for plane (shape ``[j, i]``) and cross,
@@ -295,6 +297,7 @@ class TableResult(AbstractResult):
 
     masters: tuple[str, ...]
     units: tuple[str, ...]
+    limits: Mapping[str, Sequence[float]]
     nodes: tuple[Float[Array, " _n"], ...]
     table: Mapping[str, Float[Array, "..."]]
     standard_deviation: Mapping[str, Float[Array, "..."]]
@@ -314,21 +317,36 @@ class TableResult(AbstractResult):
 
     @property
     def expectation(self) -> Expectation | None:
-        """The largest offset of the written list at a node that was measured."""
+        """The largest offset of the written list at a measured node that an axis may go to."""
         best: Expectation | None = None
         for branch, entries in self.table.items():
-            reached = np.where(self.support[branch] > 0, np.abs(entries), -1.0)
+            way = {"pos": 1, "neg": -1}.get(branch) if len(self.table) > 1 else None
+            free = (self.support[branch] > 0) & self._free(way)
+            if not free.any():
+                continue
+            reached = np.where(free, np.abs(entries), -1.0)
             index = np.unravel_index(int(np.argmax(reached)), reached.shape)
             value = self.sign * float(entries[index])
             if best is None or abs(value) > abs(best.value):
                 places = zip(self.masters, self.nodes, reversed(index), strict=True)
                 best = Expectation(
                     {name: float(nodes[int(k)]) for name, nodes, k in places},
-                    {"pos": 1, "neg": -1}.get(branch) if len(self.table) > 1 else None,
+                    way,
                     value,
                     self.unit,
                 )
         return best
+
+    def _free(self, way: int | None) -> Bool[np.ndarray, "..."]:
+        """Return the nodes that its masters may go to, and its axis come to in a direction."""
+        free = []
+        for name, nodes in zip(self.masters, self.nodes, strict=True):
+            low, high = self.limits.get(name, (-np.inf, np.inf))
+            inside = (nodes >= low) & (nodes <= high)
+            if name == self.axis and way is not None and inside.any():
+                inside[np.flatnonzero(inside)[0 if way > 0 else -1]] = False
+            free.append(inside)
+        return np.asarray(functools.reduce(np.multiply.outer, reversed(free)))
 
     def details(self) -> dict[str, Any]:
         """Return parameters, deviations and support for result.json."""

@@ -304,10 +304,12 @@ class TableDraft(AbstractDraft):
             error, beyond = self.log.figures(back)
             count, wild = self.log.streamed.count, self.log.streamed.wild
         deviation = written_deviation(self.estimate)
+        axes = self.job.spec.axes
         return TableResult(
             **self.frame(done),
             masters=self.fit.over,
-            units=tuple(self.job.spec.axes[name].unit for name in self.fit.over),
+            units=tuple(axes[name].unit for name in self.fit.over),
+            limits={name: own for name in self.fit.over if (own := axes[name].limits)},
             nodes=tuple(nodes.positions for nodes in table.nodes),
             table=by_branch(table, table.sign * self.offset),
             standard_deviation=by_branch(table, deviation),

@@ -190,7 +190,12 @@ def datum_of(job: Job, index: int, fit: FitSpec) -> tuple[float, ...] | None:
     if not places:
         return None
     name, place = next(iter(places.items()))
-    if len(set(places.values())) > 1 or len(places) < len(fit.sources):
+    # A zero that is the instrument's is told by the table that goes through all of them.
+    machine = any(
+        job.spec.measurements[name].remove == "none" and name not in places
+        for name in fit.sources
+    )
+    if len(set(places.values())) > 1 or machine:
         raise job.error(
             ("fits", index),
             "found measurements with different datums, expected the same one for all"

@@ -201,6 +201,8 @@ def _axis_files(
     reasons = [reason for diff in diffs.values() for reason in diff.reasons]
     if listing is not None and lists.compensation is None:
         reasons = ["the list is new to the controller (hochlauf.lis names it)"]
+    elif listing is None and machine is not None and lists.machine is None:
+        reasons = ["axis lists are not updated at run time"]
     return AxisFiles(
         axis=axis,
         existing=lists,

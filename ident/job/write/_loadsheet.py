@@ -3,6 +3,7 @@
 The sentences stand in ``load_sheet.txt.jinja``; here is what they rest on.
 """
 
+import dataclasses
 import re
 from collections.abc import Sequence
 from typing import Any
@@ -33,6 +34,9 @@ def _line(job: Job, draft: AbstractDraft, result: AbstractResult) -> dict[str, A
     expected = result.expectation if open_ else None
     if expected is not None and not kind.adds_current and abs(expected.value) < _DIAL:
         expected = None
+    if expected is not None:
+        places = {job.spec.nc_word(name): at for name, at in expected.places.items()}
+        expected = dataclasses.replace(expected, places=places)
     worse = judged.has(Code.DIAGNOSED) or judged.has(Code.NO_BETTER)
     words = [job.spec.nc_word(axis) for axis in sorted(together(job, draft.axis))]
     line = {

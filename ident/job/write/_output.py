@@ -5,7 +5,7 @@ import hashlib
 import json
 import re
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 
 from ....data.errors import AxcompError
@@ -239,6 +239,12 @@ class OutFolder:
         for path in sorted((self.root / PLOTS).glob("*.svg")):
             if _DRAWN.fullmatch(path.stem):
                 self.keep(f"{PLOTS}/{path.name}")
+
+    def retire_others(self, names: Collection[str]) -> None:
+        """Retire what an earlier run of the job wrote under other names: of other axes."""
+        for name in self._earlier:
+            if name not in names and (self.root / name).parent == self.root:
+                self.retire(name)
 
     def retire(self, name: str) -> None:
         """Move a file of an earlier run into ``rejected/``, where nobody loads it from.

@@ -759,3 +759,18 @@ def test_a_backlash_whose_flank_no_zero_shows_is_verified_in_part(
     assert "so that backlash_reference stays assumed" in " ".join(
         capsys.readouterr().out.split()
     )
+
+
+@pytest.mark.parametrize(
+    ("limits", "place"),
+    [((0, 400), "200 in positive"), ((0, 180), "100 in positive"), ((0, 60), "")],
+)
+def test_the_sheet_sends_an_axis_no_further_than_it_can_go(
+    tmp_path: Path, limits: tuple[int, int], place: str
+) -> None:
+    laser(tmp_path / "laser.csv", None)
+    axis = f'limits = {[*limits]}\nnc_name = "X1"'
+    sheet = run_job(screw_job(tmp_path, axis=axis), tmp_path / "out").load_sheet
+    # Of the node at 0 alone nobody can come from below.
+    assert ("move slowly to" in sheet[0].detail) == bool(place)
+    assert f"move slowly to X1 = {place}" in sheet[0].detail or not place

@@ -356,3 +356,21 @@ def test_a_zero_of_each_direction_is_said_to_hide_the_lost_motion(
     assert ("what X loses where it turns is in no reading" in said) == (
         zeroed != "never"
     )
+
+
+def test_parts_of_an_axis_have_one_datum_and_the_zeros_of_the_others_are_told(
+    tmp_path: Path,
+) -> None:
+    rng = np.random.default_rng(3)
+    for name, part, zero in (("a", NODES[:8], 0.0), ("b", NODES[6:], 0.05)):
+        there, run = np.tile(part, 6), np.repeat(np.arange(6), len(part))
+        seen = error(there) + zero + 1e-4 * rng.normal(size=len(there))
+        table(tmp_path / f"{name}.csv", "position,error,run", there, seen, run)
+    path = job(tmp_path, {"a": "none", "b": "offset"})
+    with_datum = 'file = "a.csv"\ndatum = { at = 100.0 }\n'
+    text = path.read_text().replace('file = "a.csv"\nremove = "none"\n', with_datum)
+    path.write_text(text)
+    rest = left(run_job(path, tmp_path / "out"), tmp_path)
+    # Noise of 12 readings where the parts meet; the step between them was 50 µm.
+    assert np.ptp(rest) < 3e-4
+    assert rest[2] == pytest.approx(error(np.array([100.0]))[0], abs=2e-4)

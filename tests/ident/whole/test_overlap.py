@@ -149,10 +149,12 @@ def test_an_axis_list_that_switches_nothing_on_is_one_all_the_same(
     assert np.max(np.abs(left)) < 1e-3
 
 
+@pytest.mark.parametrize("named", [True, False])
 @pytest.mark.parametrize(("remove", "stopped"), [("none", True), ("offset", False)])
 def test_constant_of_an_old_table_over_an_axis_that_stood_somewhere_is_asked_for(
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
+    named: bool,
     remove: str,
     stopped: bool,
 ) -> None:
@@ -160,6 +162,8 @@ def test_constant_of_an_old_table_over_an_axis_that_stood_somewhere_is_asked_for
     place = np.arange(0.0, 401.0, 50.0)
     table(tmp_path / "line.csv", "x,dz", place, 0.02 * np.sin(place / 100.0) + 0.06)
     axes = with_lists(tmp_path)
+    if not named:
+        axes = axes.replace("[axes.Y]\nnumber = 2\nlimits = [0, 300]\n", "")
     readings = (
         f'[measurements.line]\nfile = "line.csv"\nremove = "{remove}"\nactive = []\n'
         '[measurements.line.columns]\n"Z.position" = "x"\n"Z.error" = "dz"\n'
@@ -170,7 +174,9 @@ def test_constant_of_an_old_table_over_an_axis_that_stood_somewhere_is_asked_for
     )
     assert fit(tmp_path, axes + readings + screw) == stopped
     said = " ".join(capsys.readouterr().out.split())
-    assert ("it lacks Y.position" in said) == stopped
+    assert ("it lacks Y.position" in said) == (stopped and named)
+    # An axis that the job does not name was taken for one that stands at zero, unsaid.
+    assert ("[axes.A2] number = 2" in said) == (stopped and not named)
 
 
 def test_plane_beside_a_cross_of_which_nothing_is_said_is_refused(

@@ -255,6 +255,17 @@ def test_gantry_whose_partner_has_its_own_list_passes(tmp_path: Path) -> None:
     assert [c["passed"] for c in whole["gate"] if c["name"] == "gantry"] == [True]
 
 
+def test_gantry_whose_partner_has_its_list_switched_off_says_what_to_set(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    gantry(tmp_path)
+    (tmp_path / "achskw4.lis").write_text(cross_list(number=4, master=1, size=0.03))
+    (tmp_path / "off.lis").write_text("kopf.achs_nr 4\nlr_param.crosscomp 0\n")
+    lists = 'list = "achskw4.lis"\nmachine_data = "off.lis"'
+    assert fit(tmp_path, GANTRY.format(partner=lists)) == 1
+    assert "set lr_param.crosscomp 1 there" in " ".join(capsys.readouterr().out.split())
+
+
 def test_gantry_whose_partner_acts_with_the_opposite_sign_is_stopped(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
