@@ -168,8 +168,7 @@ def _given(paths: Sequence[Path]) -> _Given:
         fits = tree["fits"]
         bad = [fit for fit in fits if fit["verdict"] == "rejected"]
         unproven = sorted({fit["axis"] for fit in fits if fit["verdict"] == "unproven"})
-        stated = [rule for fit in fits for rule in fit["conventions"]]
-        rules = _conventions({rule["name"]: rule["value"] for rule in stated})
+        rules = Conventions.from_dict(tree["conventions"])
         known = frozenset((fit["axis"], fit["compensation"]) for fit in fits)
         names = [name for name in tree["files"] if _is_list(name)]
         digests = dict(tree["digests"])
@@ -177,7 +176,7 @@ def _given(paths: Sequence[Path]) -> _Given:
         raise ExchangeError(
             where=str(file),
             found="no result of a job",
-            expected="that of axcomp fit",
+            expected="that of axcomp fit of this version",
         ) from None
     if bad:
         raise ExchangeError(
@@ -202,13 +201,3 @@ def _given(paths: Sequence[Path]) -> _Given:
 def _is_list(name: str) -> bool:
     """Return whether a file of a job is a whole list that may be loaded."""
     return name.endswith(".lis") and not name.endswith(".add.lis") and "/" not in name
-
-
-def _conventions(texts: Mapping[str, str]) -> Conventions:
-    """Return the rules that a result names; it writes their values as text."""
-    chosen: dict[str, int | str] = {}
-    for rule in Conventions().listing():
-        if rule.name in texts:
-            values = {str(choice): choice for choice in rule.choices}
-            chosen[rule.name] = values[str(texts[rule.name])]
-    return Conventions.from_dict(chosen)

@@ -109,6 +109,7 @@ def run_job(
             digests=dict(folder.digests),
             wall_time=0.0,
             job=job.spec.resolved() | {"gate": dict(job.spec.gate)},
+            conventions=job.conventions.to_dict(),
             clocks=tables.clocks,
             groups=tuple(sums),
             whole=whole,

@@ -101,6 +101,7 @@ class JobResult:
             ``date``, hashes of its ``inputs`` and of the ``lists`` that it is about.
         whole: All that will act on each axis, judged together.
         digests: SHA-256 of the written files by name, by which a later run knows its own.
+        conventions: All rules of the controller that were reckoned with, by name.
     """
 
     title: str
@@ -117,6 +118,7 @@ class JobResult:
     second: Mapping[str, Any] | None = None
     whole: tuple[WholeAxis, ...] = ()
     digests: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    conventions: Mapping[str, int | str] = dataclasses.field(default_factory=dict)
 
     @functools.cached_property
     def tree(self) -> dict[str, Any]:
@@ -139,6 +141,7 @@ class JobResult:
             "versions": self.versions,
             "wall_time": self.wall_time,
             "job": self.job,
+            "conventions": self.conventions,
         }
         return {key: plain(value) for key, value in tree.items()}
 

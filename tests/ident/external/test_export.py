@@ -235,9 +235,9 @@ def test_lists_without_a_table_are_refused(
 
 
 def fitted(folder: Path) -> Path:
-    """Run a job whose machine adds leadscrew entries as they stand."""
+    """Run a job whose machine adds the entries of leadscrew and cross tables as they stand."""
     laser(folder / "laser.csv")
-    rules = StoredConventions(Conventions(leadscrew_sign=1))
+    rules = StoredConventions(Conventions(leadscrew_sign=1, cross_sign=-1))
     (folder / "rules.toml").write_bytes(rules.saved_over())
     job = screw_job(folder, axis="limits = [-20.0, 380.0]")
     text = job.read_text().replace("bilateral = true", "bilateral = false")
@@ -278,6 +278,15 @@ def test_a_job_is_exported_by_its_own_rules_and_limits(
     (job / "result.json").write_text("[]")
     with pytest.raises(ExchangeError, match="found no result of a job"):
         list_source([job])
+
+
+def test_the_rules_of_a_job_hold_for_tables_that_it_did_not_fit(folder: Path) -> None:
+    job = fitted(folder)
+    with (job / "achskw1.lis").open("a") as listing:
+        listing.write(CROSS)
+    cross, screw = list_source([job]).law.law.parts  # type: ignore[attr-defined]
+    assert cross.model.sign == -1
+    assert screw.model.sign == 1
 
 
 def test_the_recipe_of_the_document_runs_as_it_stands() -> None:
