@@ -5,6 +5,7 @@ from collections.abc import Iterable, Sequence
 from ._check_axis import check_axis, check_axis_list, largest_backlash
 from ._check_lists import (
     AXIS_DIFFERS,
+    EXTERNAL,
     ListSet,
     axis_number,
     base_name,
@@ -133,13 +134,20 @@ def _check_against_axis(view: ListView, lists: ListSet) -> None:
             if axis.integer(key) == 0:
                 if is_fragment(axis) and key not in axis.columns:
                     continue  # The list that it adds to may well switch it on.
+                # It may hold tables over positions: those that have a unit.
+                external = function.unit and any(
+                    EXTERNAL in partner.structures for partner in partners
+                )
                 axis.add(
-                    "warning",
+                    "info" if external else "warning",
                     f"{view.file.source} holds a {function.name}, but {key} does "
                     "not switch it on",
                     key,
                     found=axis.text(key) or "no entry",
-                    expected="1",
+                    expected=f"0 if the external compensation ({EXTERNAL}) holds it too"
+                    " (both would correct twice), else 1"
+                    if external
+                    else "1",
                 )
     if "kw.ssfk" in view.in_use and view.integer("kw.ssfk.bilateral"):
         key = "lr_param.anwahl_losekomp"

@@ -1,6 +1,13 @@
 """Rules of the start-up list, and between it and the other lists."""
 
-from ._check_lists import AXIS_DIFFERS, ListSet, axis_number, base_name, is_fragment
+from ._check_lists import (
+    AXIS_DIFFERS,
+    EXTERNAL,
+    ListSet,
+    axis_number,
+    base_name,
+    is_fragment,
+)
 from ._check_view import ListView
 from ._entry import Rows
 from ._names import full_name
@@ -108,15 +115,13 @@ def _check_pairs(
                 )
 
 
-_LIMIT, _FASTEST = "lr_param.ext_comp.err_limit", "lr_param.ext_comp.max_a"
+_LIMIT, _FASTEST = f"{EXTERNAL}.err_limit", f"{EXTERNAL}.max_a"
 _INTERFACE = "configuration.position_controller.enable_external_compensation_ifc"
 
 
 def _check_external(view: ListView, lists: ListSet) -> None:
     """Report an external compensation without limits, and limits without its interface."""
-    taking_part = [
-        axis for axis in lists.axis if "lr_param.ext_comp" in axis.structures
-    ]
+    taking_part = [axis for axis in lists.axis if EXTERNAL in axis.structures]
     if not view.integer(_INTERFACE):
         if taking_part and not is_fragment(view):
             view.add(

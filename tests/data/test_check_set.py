@@ -98,6 +98,20 @@ def test_switch_that_is_off_is_named(value: int | None) -> None:
     assert serious(files) == [("achsmds3.lis", "warning", "P-AXIS-00047", None)]
 
 
+def test_switch_that_an_export_turned_off_is_not_asked_for() -> None:
+    files = {
+        "achskw3.lis": cross(3, 3) | leadscrew(),
+        "achsmds3.lis": axis(3, ssfk=1, crosscomp=1),
+        "achsmds3.add.lis": axis(3, crosscomp=0, **{"ext_comp.err_limit": 5}),
+    }
+    (found,) = [f for f in findings(files) if f.id == "P-AXIS-00047"]
+    assert found.level == "info"
+    assert str(found.expected).startswith("0 if the external compensation")
+    del files["achsmds3.add.lis"]["lr_param.ext_comp.err_limit"]
+    (found,) = [f for f in findings(files) if f.id == "P-AXIS-00047"]
+    assert (found.level, found.expected) == ("warning", "1")
+
+
 @pytest.mark.parametrize(
     ("entries", "id"),
     [
