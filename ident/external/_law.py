@@ -8,7 +8,6 @@ from jaxtyping import Float, Int
 from ...data.lists import ListFile
 from ...models import ExternalCompensation, OffsetPart, OffsetStack
 from ..exchange import InUse, Reading, axes_in_use, columns_of, machine_lists, model_of
-from ..exchange._units import expect
 from ..kinds import kinds
 
 INTERFACE_UNITS = 10**8
@@ -28,8 +27,7 @@ def external_from_lists(
 ) -> ExternalCompensation:
     """Return the tables of a machine as one external compensation.
 
-    Cross, plane and leadscrew tables that are active; all else needs more than
-    positions and is left out.
+    Those of `tables_in`; all else that is active is left out.
 
     Args:
         lists: Compensation and axis lists in any order.
@@ -38,32 +36,35 @@ def external_from_lists(
             ascending, where it is left out.
 
     Raises:
-        ExchangeError: If a list makes no table, names an axis that is not among
-            `axes`, or has a table for each direction of motion.
+        ExchangeError: If a list makes no table, or names an axis that is not among
+            `axes`.
     """
     machine = machine_lists(lists)
-    used = machine.in_use(reading.conventions)
-    order = [each.name for each in kinds()]
-    tables = [one for one in used if one.kind.table]
-    tables.sort(key=lambda one: order.index(one.name))
+    tables = tables_in(machine.in_use(reading.conventions), reading)
     numbers = tuple(axes) if axes is not None else axes_in_use(tables, machine)
     columns = columns_of(tables, numbers)
     parts = tuple(_part(one, columns, reading) for one in tables)
     return ExternalCompensation(OffsetStack(parts, axes=len(numbers)))
 
 
+def tables_in(used: Sequence[InUse], reading: Reading) -> list[InUse]:
+    """Return cross, plane and leadscrew tables that need positions only, in this order.
+
+    Raises:
+        ExchangeError: If a list makes no table.
+    """
+    order = [each.name for each in kinds()]
+    tables = [one for one in used if one.kind.table]
+    tables = [
+        one for one in tables if not one.kind.entries.turns(model_of(one, reading))
+    ]
+    return sorted(tables, key=lambda one: order.index(one.name))
+
+
 def _part(one: InUse, columns: Mapping[int, int], reading: Reading) -> OffsetPart:
-    model = model_of(one, reading)
-    entries = one.kind.entries
-    expect(
-        not entries.turns(model),
-        f"{one.listing.source}: {one.kind.prefix}.bilateral",
-        "1, a table for each direction of motion",
-        "0: an external compensation knows positions only",
-    )
     return OffsetPart(
-        model,
+        model_of(one, reading),
         columns[one.axis],
         tuple(columns[master] for master in one.masters),
-        compensated=entries.sees_offsets(one.listing, reading.conventions),
+        compensated=one.kind.entries.sees_offsets(one.listing, reading.conventions),
     )

@@ -21,7 +21,7 @@ from ..exchange import (
 )
 from ..job import Job, JobFile, tree_json
 from ..kinds import kind
-from ._law import external_from_lists
+from ._law import external_from_lists, tables_in
 
 
 @dataclasses.dataclass(frozen=True)
@@ -94,24 +94,25 @@ def list_source(
     lists = [ListFile.read(path) for path in given.lists]
     machine = machine_lists(lists)
     used = machine.in_use(rules)
-    held = [one for one in used if one.kind.table]
+    ranges = {**job.ranges, **(modulo or {})}
+    steps = increment if increment is not None else job.increments or None
+    reading = Reading(rules, steps, ranges)
+    held = tables_in(used, reading)
     if not held:
         raise ExchangeError(
             where=", ".join(str(path) for path in paths),
-            found="no active cross, plane or leadscrew table",
+            found="no active cross, plane or leadscrew table for both directions alike",
             expected="at least one: all else needs more than positions",
         )
     own = job.spec.axes.values()
     stated = {*(one.number for one in own), *axes_in_use(used, machine)}
     numbers = tuple(axes or sorted(stated))
-    ranges = {**job.ranges, **(modulo or {})}
-    steps = increment if increment is not None else job.increments or None
-    law = external_from_lists(lists, Reading(rules, steps, ranges), axes=numbers)
-    left = {(f"A{one.axis}", one.name) for one in used} | given.fits
+    law = external_from_lists(lists, reading, axes=numbers)
+    left = {(f"A{one.axis}", one.name) for one in used if one not in held}
+    left |= {fit for fit in given.fits if not kind(fit[1]).table}
     remarks = [
         f"{axis}: the {name} compensation is left out, as {_reason(name)}. Leave it active."
         for axis, name in sorted(left)
-        if not kind(name).table
     ]
     replaced: dict[int, list[str]] = {}
     for one in held:
@@ -125,6 +126,8 @@ def list_source(
 def _reason(name: str) -> str:
     if kind(name).adds_current:
         return "it adds to the current"
+    if kind(name).table:
+        return "it has a table for each direction of motion"
     return "it needs more than the positions that the interface hands over"
 
 

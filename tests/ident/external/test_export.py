@@ -226,6 +226,22 @@ def test_what_needs_more_than_positions_is_left_out_and_named(folder: Path) -> N
     )
 
 
+def test_a_table_for_each_direction_stays_a_list_and_is_named(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    each = SCREW.replace(".pos ", ".neg ")
+    both = f"{SCREW}{each[each.index('kw.ssfk.table') :]}kw.ssfk.bilateral 1\n"
+    (folder / "achskw1.lis").write_text(both + CROSS)
+    assert main(["export-external", "achskw1.lis", "--out", "ext"]) == 0
+    words = "A1: the leadscrew compensation is left out, as it has a table for each dir"
+    assert words in capsys.readouterr().err
+    # It stays switched on.
+    assert "ssfk" not in (folder / "ext" / "achsmds1.add.lis").read_text()
+    (folder / "achskw1.lis").write_text(both)
+    assert main(["export-external", "achskw1.lis", "--out", "ext"]) == 1
+    assert "table for both directions alike, expected" in capsys.readouterr().err
+
+
 def test_lists_without_a_table_are_refused(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
