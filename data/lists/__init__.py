@@ -16,6 +16,9 @@ from ._compare import (
     compare as compare,
 )
 from ._curves import (
+    DEFAULT_RULES as DEFAULT_RULES,
+    SIGNS as SIGNS,
+    CurveRules as CurveRules,
     OffsetCurve as OffsetCurve,
     offset_curves as offset_curves,
 )

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 from typing import Literal, TypeAlias
 
 from ._check import check
-from ._curves import OffsetCurve, offset_curves
+from ._curves import DEFAULT_RULES, CurveRules, OffsetCurve, offset_curves
 from ._entry import Rows
 from ._listfile import ListFile
 from ._names import full_name, meaning
@@ -82,19 +82,22 @@ class Comparison:
     """Errors of the new list that `check` finds, one sentence each: it is not to be loaded."""
 
 
-def compare(old: ListFile, new: ListFile) -> Comparison:
+def compare(
+    old: ListFile, new: ListFile, rules: CurveRules = DEFAULT_RULES
+) -> Comparison:
     """Return what changed from one list to the other.
 
     Entries are compared by what they say: another spelling of a number, a comment or
-    the order of the lines is no change.
+    the order of the lines is no change. The rules are those of `offset_curves`.
     """
     changed = tuple(_changes(old, new))
     reasons = tuple(_restart_reasons(old, new, changed))
     action: Action = "none"
     if changed:
         action = "restart" if reasons else "reload"
-    curves = tuple(_curve_changes(offset_curves(old), offset_curves(new)))
-    findings = check([new]) if changed else []
+    curves = tuple(_curve_changes(*(offset_curves(one, rules) for one in (old, new))))
+    index = str(rules.get("plane_index", "ji"))
+    findings = check([new], plane_index=index) if changed else []
     faults = tuple(str(one) for one in findings if one.level == "error")
     return Comparison(changed, curves, action, reasons, faults)
 

@@ -7,13 +7,18 @@ proofs rest on are in `axcomp.models`; a test holds the signs of both together.
 import bisect
 import dataclasses
 import itertools
-from typing import Literal
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Literal, TypeAlias
 
 from ._listfile import ListFile
 
 SIGNS: dict[str, int] = {"cross": 1, "plane": 1, "leadscrew": -1}
 """Offset over list entry: cross and plane entries are the offset, a leadscrew entry is
-the error actual − setpoint (semantics.md rule 4, S-11, S-18)."""
+the error actual − setpoint (semantics.md rule 4, S-11, S-18); by default."""
+CurveRules: TypeAlias = Mapping[str, int | str]
+"""Conventions by name (`axcomp.models.Conventions.to_dict`); left out: the defaults."""
+DEFAULT_RULES: CurveRules = MappingProxyType({})
 
 PER_MM = 10_000
 """List units of 0.1 µm in a millimetre; of 0.0001° in a degree."""
@@ -37,11 +42,10 @@ class OffsetCurve:
     """List entries ``[j][i]``; one row where there is one direction; None = missing."""
     metric: bool
     """Whether the list counts in 0.1 µm (0.0001°), not in encoder increments."""
-
-    @property
-    def sign(self) -> int:
-        """Offset over entry."""
-        return SIGNS[self.compensation]
+    sign: int
+    """Offset over entry."""
+    axis: int | None
+    """Logical number of the axis that it acts on."""
 
     @property
     def entry_size(self) -> float:
@@ -107,7 +111,9 @@ def _interpolate(
     return tuple(result)
 
 
-def offset_curves(file: ListFile, plane_index: str = "ji") -> tuple[OffsetCurve, ...]:
+def offset_curves(
+    file: ListFile, rules: CurveRules = DEFAULT_RULES
+) -> tuple[OffsetCurve, ...]:
     """Return the cross, plane and leadscrew tables that a list holds.
 
     A table as far as its size entries say; where they are missing, as far as its
@@ -115,10 +121,13 @@ def offset_curves(file: ListFile, plane_index: str = "ji") -> tuple[OffsetCurve,
 
     Args:
         file: The list.
-        plane_index: First index of a plane table: master 2 (``ji``) or 1 (``ij``), as the
-            convention of that name (S-17).
+        rules: Signs, order of the indices of a plane (S-17), owner of a cross table (S-10).
     """
-    return (*_cross(file), *_plane(file, plane_index), *_leadscrew(file))
+    return (*_cross(file, rules), *_plane(file, rules), *_leadscrew(file, rules))
+
+
+def _sign(compensation: str, rules: CurveRules) -> int:
+    return int(rules.get(f"{compensation}_sign", SIGNS[compensation]))
 
 
 def _positions(units: list[int], metric: bool) -> tuple[float, ...]:
@@ -136,7 +145,7 @@ def _count(size: int | None, *tables: dict[int, int]) -> int:
     return min(count, _MOST)
 
 
-def _cross(file: ListFile) -> list[OffsetCurve]:
+def _cross(file: ListFile, rules: CurveRules) -> list[OffsetCurve]:
     prefix = "kw.crosscomp"
     setpoints = _line(file.table(prefix, "setpoint"))
     values = _line(file.table(prefix, "correction"))
@@ -147,11 +156,14 @@ def _cross(file: ListFile) -> list[OffsetCurve]:
     metric = file.boolean(f"{prefix}.unit") is True
     nodes = _positions([setpoints.get(k, 0) for k in range(count)], metric)
     entries = tuple(values.get(k) for k in range(count))
-    master = file.integer(f"{prefix}.master_ax_nr")
-    return [OffsetCurve("cross", "both", (master,), (nodes,), (entries,), metric)]
+    axis, master = file.integer("kopf.achs_nr"), file.integer(f"{prefix}.master_ax_nr")
+    if rules.get("cross_list") == "master":
+        axis, master = master, axis
+    form = (nodes,), (entries,), metric, _sign("cross", rules), axis
+    return [OffsetCurve("cross", "both", (master,), *form)]
 
 
-def _leadscrew(file: ListFile) -> list[OffsetCurve]:
+def _leadscrew(file: ListFile, rules: CurveRules) -> list[OffsetCurve]:
     prefix = "kw.ssfk"
     columns = [_line(file.table(prefix, name)) for name in ("pos", "neg")]
     setpoints = _line(file.table(prefix, "setpoint"))
@@ -179,15 +191,17 @@ def _leadscrew(file: ListFile) -> list[OffsetCurve]:
             (nodes,),
             (tuple(column.get(k) for k in range(count)),),
             metric,
+            _sign("leadscrew", rules),
+            axis,
         )
         for branch, column in zip(branches, columns, strict=False)
     ]
 
 
-def _plane(file: ListFile, plane_index: str) -> list[OffsetCurve]:
+def _plane(file: ListFile, rules: CurveRules) -> list[OffsetCurve]:
     prefix = "kw.crosscomp2"
     values = {
-        k if plane_index == "ji" else k[::-1]: value
+        k[::-1] if rules.get("plane_index") == "ij" else k: value
         for k, value in file.table(prefix, "correction").items()
         if isinstance(k, tuple)
     }
@@ -213,4 +227,5 @@ def _plane(file: ListFile, plane_index: str) -> list[OffsetCurve]:
         for j in range(len(nodes[1]))
     )
     masters = tuple(file.integer(f"{prefix}.master{k}_ax_nr") for k in (1, 2))
-    return [OffsetCurve("plane", "both", masters, tuple(nodes), entries, metric)]
+    form = tuple(nodes), entries, metric, _sign("plane", rules)
+    return [OffsetCurve("plane", "both", masters, *form, file.integer("kopf.achs_nr"))]

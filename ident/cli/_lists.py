@@ -25,7 +25,7 @@ from ._options import (
 )
 
 if TYPE_CHECKING:
-    from ...data.lists import Change, Comparison
+    from ...data.lists import Change, Comparison, CurveRules
 
 _MOST_ENTRIES = 12
 """Changed entries of one table that are named one by one."""
@@ -54,8 +54,9 @@ def check(
     from ...data.lists import BuildError, check as check_lists
 
     lists = read_lists(files)
-    index, _ = _plane_index(conventions)
+    rules, _ = _rules(conventions)
     ranges = None if modulo is None else axis_ranges(modulo, "--modulo")
+    index = str(rules.get("plane_index", "ji"))
     try:
         findings = check_lists(
             lists, build=build, increment=increment, plane_index=index, modulo=ranges
@@ -94,30 +95,31 @@ def show(
     from ...data.lists import offset_curves
     from ._show_tables import list_views
 
-    listing, (index, verified) = read_shown_list(file), _plane_index(conventions)
+    listing, (rules, verified) = read_shown_list(file), _rules(conventions)
     console = wide_console(wraps=True)
-    for view in list_views(listing, index, verified=verified):
+    for view in list_views(listing, rules, verified):
         console.print(view)
     if out is not None:
         from ._list_plots import draw_tables
 
-        paths = draw_tables(offset_curves(listing, index), out)
+        paths = draw_tables(offset_curves(listing, rules), out)
         text = "no cross, plane or leadscrew table to draw"
         note([f"wrote {path}" for path in paths] or [text], "")
 
 
-def _plane_index(conventions: Path | None) -> tuple[str, bool]:
-    """Return how the indices of a plane are read, and whether that was verified."""
+def _rules(conventions: Path | None) -> tuple["CurveRules", frozenset[str]]:
+    """Return the rules of a file by name, of none no rules, and which are verified."""
     if conventions is None:  # the rules take the models: only where there are some
-        return "ji", False
+        return {}, frozenset()
     rules = rules_of(conventions)
-    return rules.conventions.plane_index, "plane_index" in rules.verified
+    return rules.conventions.to_dict(), rules.verified
 
 
 def diff(
     old: Path,
     new: Path,
     *,
+    conventions: Rules = None,
     out: Plots = None,
     as_json: AsJson = False,
 ) -> bool:
@@ -135,7 +137,8 @@ def diff(
     from ...data.lists import RemarkCode, compare, offset_curves
 
     lists = read_shown_list(old), read_shown_list(new)
-    comparison = compare(*lists)
+    rules, _ = _rules(conventions)
+    comparison = compare(*lists, rules)
     note(
         f"{listing.source}:{remark.line}: left out, neither an entry nor a comment:"
         f" {remark.text}"
@@ -147,7 +150,7 @@ def diff(
     if out is not None:
         from ._list_plots import draw_tables
 
-        before, after = map(offset_curves, lists)
+        before, after = (offset_curves(listing, rules) for listing in lists)
         note((f"wrote {path}" for path in draw_tables(after, out, before)), "")
     return not comparison.faults
 

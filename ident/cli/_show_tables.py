@@ -1,12 +1,15 @@
 """What ``axcomp show`` prints of a list: parameters, tables, signs."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 
 from rich.console import RenderableType
 from rich.table import Table
 from rich.text import Text
 
 from ...data.lists import (
+    DEFAULT_RULES,
+    SIGNS,
+    CurveRules,
     ListFile,
     OffsetCurve,
     full_name,
@@ -30,14 +33,14 @@ _KINDS = {
 
 
 def list_views(
-    file: ListFile, plane_index: str = "ji", *, verified: bool = False
+    file: ListFile, rules: CurveRules = DEFAULT_RULES, verified: Collection[str] = ()
 ) -> Iterator[RenderableType]:
     """Return what to print of a list, from its head to its tables.
 
     Args:
         file: The list.
-        plane_index: How the indices of a plane are read, as `offset_curves`.
-        verified: Whether a measurement has shown that; else it is said that it is assumed.
+        rules: How its tables are read, as `offset_curves`.
+        verified: The rules that a measurement has shown; the others are assumed.
     """
     yield Text(_headline(file), style="bold")
     if file.remarks:
@@ -48,8 +51,9 @@ def list_views(
             style="yellow",
         )
     yield _parameters(file)
-    curves = offset_curves(file, plane_index)
-    order = f"plane_index = {plane_index}, {'verified' if verified else 'assumed'}"
+    curves = offset_curves(file, rules)
+    order = f"plane_index = {rules.get('plane_index', 'ji')}"
+    order += ", verified" if "plane_index" in verified else ", assumed"
     for compensation in dict.fromkeys(curve.compensation for curve in curves):
         group = [curve for curve in curves if curve.compensation == compensation]
         yield Text(f"\n{_curve_words(group)}")
@@ -137,8 +141,15 @@ def _curve_words(curves: Sequence[OffsetCurve]) -> str:
         axes = "axis" if len(first.masters) == 1 else "axes"
         masters = f" over the position of {axes} {masters}"
     nodes = " x ".join(str(len(axis)) for axis in first.nodes)
-    sentences = [f"{first.compensation.capitalize()} table, {nodes} nodes{masters}."]
-    sentences.append(kind(first.compensation).adds)
+    name = first.compensation
+    owner = "" if first.axis is None else f" of axis {first.axis}"
+    sentences = [f"{name.capitalize()} table{owner}, {nodes} nodes{masters}."]
+    if first.sign == SIGNS[name]:
+        sentences.append(kind(name).adds)
+    else:
+        way = "the entry" if first.sign > 0 else "the negative of the entry"
+        rule = f"By {name}_sign = {first.sign}"
+        sentences.append(f"{rule} the controller adds {way} to the command position.")
     if values:
         # A list does not say whether its axis turns.
         unit = "µm (of a rotary axis 0.001°)" if first.metric else "increments"

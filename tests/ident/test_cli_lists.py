@@ -292,6 +292,30 @@ def test_show_reads_a_plane_by_the_conventions_given_and_says_so(
     assert "plane_index = ji, assumed" in " ".join(capsys.readouterr().out.split())
 
 
+def test_show_and_diff_turn_signs_and_owners_as_the_conventions_say(
+    tmp_path: pathlib.Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cross = (
+        "kw.crosscomp.unit 1\nkw.crosscomp.last_index 1\nkw.crosscomp.master_ax_nr 3\n"
+        "kw.crosscomp.table[0].setpoint 0\nkw.crosscomp.table[0].correction 40\n"
+        "kw.crosscomp.table[1].setpoint 10000\nkw.crosscomp.table[1].correction 70\n"
+    )
+    old, new, rules = (tmp_path / name for name in ("old.lis", "new.lis", "mill.toml"))
+    old.write_text(SCREW + cross)
+    new.write_text(SCREW + cross.replace("70", "90"))
+    rules.write_text(
+        '[verified]\nleadscrew_sign = 1\ncross_sign = -1\ncross_list = "master"\n'
+    )
+    assert main(["show", str(old), "--conventions", str(rules)]) == 0
+    shown = " ".join(capsys.readouterr().out.split())
+    assert "By leadscrew_sign = 1 the controller adds the entry to" in shown
+    assert "Cross table of axis 3, 2 nodes over the position of axis 2. By" in shown
+    assert "cross_sign = -1 the controller adds the negative of the entry" in shown
+    assert "It adds from -7 to -4 µm" in shown
+    assert main(["diff", str(old), str(new), "--conventions", str(rules)]) == 0
+    assert "changes by at most -2 µm, at 1 mm" in capsys.readouterr().out
+
+
 def test_show_draws_a_plane(plane: pathlib.Path, tmp_path: pathlib.Path) -> None:
     assert main(["show", str(plane), "--out", str(tmp_path / "a" / "b")]) == 0
     assert (tmp_path / "a" / "b" / "plane.png").read_bytes()[1:4] == b"PNG"
