@@ -200,18 +200,24 @@ def _curve_change(
     new: OffsetCurve | None,
 ) -> CurveChange:
     """Return the largest change, which stands at a node of one of the two tables."""
+    if old is not None and new is not None and old.masters != new.masters:
+        # The same plane with its masters exchanged is the same.
+        new = new.turned if old.masters == new.masters[::-1] else new
     curves = [curve for curve in (old, new) if curve is not None]
+    axes = {curve.axis for curve in curves} - {None}
     unit = "µm" if all(curve.metric for curve in curves) else "increments"
     note = ""
     if len({curve.metric for curve in curves}) > 1:
         note = "one list counts in 0.1 µm, the other in increments"
     elif not all(curve.ascending and all(curve.nodes) for curve in curves):
         note = "the positions of a table do not ascend"
+    elif len(axes) > 1:
+        note = "another axis is compensated"
+    elif len({curve.masters for curve in curves}) > 1:
+        note = "the position of another axis enters the table"
     if note:
         return CurveChange(compensation, branch, None, unit, (), note)
-    if len({curve.masters for curve in curves}) > 1:
-        note = "the axis that enters the table changes too"
-    elif len(curves) == 1:
+    if len(curves) == 1:
         note = "new table" if old is None else "table removed"
     grid = tuple(
         tuple(sorted({at for curve in curves for at in curve.nodes[axis]}))

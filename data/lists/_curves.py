@@ -77,6 +77,13 @@ class OffsetCurve:
         branch = "" if self.branch == "both" else f", {self.branch} direction"
         return f"{self.compensation}{branch}"
 
+    @property
+    def turned(self) -> "OffsetCurve":
+        """The same plane with its masters exchanged."""
+        masters, nodes = self.masters[::-1], self.nodes[::-1]
+        entries = tuple(zip(*self.entries, strict=True))
+        return dataclasses.replace(self, masters=masters, nodes=nodes, entries=entries)
+
     def sample(
         self, positions: tuple[tuple[float, ...], ...]
     ) -> list[tuple[float, ...]]:

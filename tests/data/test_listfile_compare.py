@@ -1,6 +1,7 @@
 """Offset curves of lists, and what changed between two of them."""
 
 import math
+import re
 
 import pytest
 
@@ -37,6 +38,18 @@ kw.crosscomp2.table[0][1].correction 20
 kw.crosscomp2.table[0][2].correction 30
 kw.crosscomp2.table[1][0].correction -10
 kw.crosscomp2.table[1][2].correction -30
+"""
+
+
+CROSS = """\
+kopf.achs_nr 2
+kw.crosscomp.unit 1
+kw.crosscomp.last_index 1
+kw.crosscomp.master_ax_nr 1
+kw.crosscomp.table[0].setpoint 0
+kw.crosscomp.table[0].correction 5
+kw.crosscomp.table[1].setpoint 100000
+kw.crosscomp.table[1].correction 10
 """
 
 
@@ -173,6 +186,35 @@ def test_plane_change_is_found_where_it_is() -> None:
     new = PLANE.replace("[1][2].correction -30", "[1][2].correction 70")
     (curve,) = compare(parse(PLANE), parse(new)).curves
     assert (curve.largest, curve.at, curve.unit) == (10.0, (10.0, 60.0), "µm")
+
+
+@pytest.mark.parametrize(
+    ("text", "change", "note"),
+    [
+        (SCREW, ("achs_nr 2", "achs_nr 4"), "another axis is compensated"),
+        (CROSS, ("achs_nr 2", "achs_nr 4"), "another axis is compensated"),
+        (
+            CROSS,
+            ("ax_nr 1", "ax_nr 3"),
+            "the position of another axis enters the table",
+        ),
+        (PLANE, ("master2_ax_nr 2", "master2_ax_nr 3"), "the position of another axis"),
+    ],
+)
+def test_a_table_of_other_axes_is_not_the_same_as_before(
+    text: str, change: tuple[str, str], note: str
+) -> None:
+    (curve,) = compare(parse(text), parse(text.replace(*change))).curves
+    assert curve.largest is None
+    assert note in str(curve)
+
+
+def test_a_plane_with_its_masters_exchanged_adds_the_same() -> None:
+    ways = str.maketrans("12", "21")
+    new = re.sub(r"(interval|master)([12])", lambda m: m[0].translate(ways), PLANE)
+    new = re.sub(r"\[(.)\]\[(.)\]", r"[\2][\1]", new)
+    (curve,) = compare(parse(PLANE), parse(new)).curves
+    assert str(curve) == "plane: the controller adds the same as before"
 
 
 def test_new_and_removed_tables_are_compared_with_nothing() -> None:
