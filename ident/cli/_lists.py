@@ -191,6 +191,7 @@ def convert(
     compensation: str | None = None,
     axis: int | None = None,
     master: list[int] | None = None,
+    increment: Increment = None,
     trim: bool = False,
     force: bool = False,
 ) -> None:
@@ -232,7 +233,7 @@ def convert(
     refuse_existing(target, "OUT", force=force)
     refuse_input(target, "OUT", [source])
     if source.suffix.casefold() == ".lis":
-        table = table_in(ListFile.read(source), compensation)
+        table = table_in(ListFile.read(source), compensation, increment)
     else:
         table = table_of_file(source, compensation, trim=trim)
     table = table.stated(compensation, axis, master or [])

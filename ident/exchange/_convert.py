@@ -87,13 +87,20 @@ class ExchangedTable:
         return stated
 
 
-def table_in(listing: ListFile, compensation: str | None = None) -> ExchangedTable:
+def table_in(
+    listing: ListFile, compensation: str | None = None, increment: float | None = None
+) -> ExchangedTable:
     """Return the table that a compensation list holds, or one of several.
+
+    Args:
+        listing: The list.
+        compensation: Which table.
+        increment: mm or ° per increment, for a list with ``unit 0``.
 
     Raises:
         ExchangeError: If there is none, or several and none is named.
     """
-    axis_models = load_model(listing)
+    axis_models = load_model(listing, increment=increment)
     names = [name for name in MASTERS if name in axis_models]
     if compensation is not None:
         names = [name for name in names if name == compensation]
@@ -103,6 +110,12 @@ def table_in(listing: ListFile, compensation: str | None = None) -> ExchangedTab
     model = axis_models[names[0]]
     nodes = tuple(np.asarray(master.positions) for master in model.ways)
     rows = np.stack([np.asarray(values) for values in model.tables])
+    record = kind(names[0])
+    # A new list for both directions has the last one anyway.
+    homing = () if len(rows) > 1 else (f"{record.prefix}.set_pos_without_comp",)
+    keys = (record.cycles or ("",))[0], record.manual or "", *homing
+    lost = [key for key in keys if listing.integer(key) or listing.boolean(key)]
+    remark = f"No part of the table, and left out: {', '.join(lost)}."
     return ExchangedTable(
         compensation=names[0],
         axis=axis_models.axis,
@@ -110,6 +123,7 @@ def table_in(listing: ListFile, compensation: str | None = None) -> ExchangedTab
         nodes=nodes,
         entries=rows[0] if len(nodes) == 2 else rows,
         modulo=bool(getattr(model, "modulo", None)),
+        remarks=(remark,) if lost else (),
     )
 
 
@@ -171,7 +185,7 @@ _MOST = 256
 """Points that LinuxCNC takes (EMCMOT_COMP_SIZE)."""
 _HEAD = re.compile(
     r"#\s*(?P<name>leadscrew|cross|plane|\w+(?= of axis \d))(?: of axis (?P<axis>\d+))?"
-    r"(?: over (?P<masters>[\d, ]+))?(?P<modulo>, modulo)?"
+    r"(?: over (?P<masters>\d+(?:[,;] \d+)*))?(?P<modulo>[,;] modulo)?"
 )
 _UNEVEN = 1e-3
 
@@ -283,7 +297,7 @@ def _ways(names: Sequence[str]) -> list[str]:
 
 def _of_csv(table: Table, stated: str) -> ExchangedTable:
     """Return the table of a CSV: by the names that `text_of` writes, or positions first."""
-    with table.path.open(encoding="utf-8", errors="replace") as file:
+    with table.path.open(encoding="utf-8-sig", errors="replace") as file:
         head = _HEAD.match(file.readline())
     where, expected = str(table.path), "positions, then one or two of entries"
     names = [column.name.casefold().strip() for column in table.columns]
@@ -307,13 +321,23 @@ def _of_csv(table: Table, stated: str) -> ExchangedTable:
     name = head["name"] if head else ""
     axis = int(head["axis"]) if head and head["axis"] else None
     over = head["masters"] if head else None
-    masters = tuple(map(int, over.split(", "))) if over else ()
+    masters = tuple(map(int, re.findall(r"\d+", over or "")))
     on_grid = not name and names[order[1]].startswith("master")
     if on_grid or MASTERS.get(name or stated) == 2:
         found = f"{len(columns)} columns"
         expect(len(columns) == 3, where, found, "two masters, entries")
         grid = _of_grid(table, columns)
-        return dataclasses.replace(grid, axis=axis, masters=masters, holds=holds)
+        first, second = (table.columns[k].name for k in order[:2])
+        taken = f"Column {first!r} is taken for master 1, {second!r} for master 2."
+        remarks = () if names[order[0]].startswith("master") else (taken,)
+        return dataclasses.replace(
+            grid, axis=axis, masters=masters, holds=holds, remarks=remarks
+        )
+    if (name or stated) == "leadscrew":
+        units = [find_unit(column.unit) for column in table.columns if column.unit]
+        dimensions = sorted({unit.dimension for unit in units if unit})
+        found, expected = " and ".join(dimensions), "lengths alone, or angles alone"
+        expect(len(dimensions) < 2, f"{where}: units", found, expected)
     modulo = bool(head and head["modulo"])
     ascending = np.argsort(columns[0], kind="stable")
     places, *rows = (column[ascending] for column in columns)
@@ -369,11 +393,13 @@ def _of_triplets(path: Path, trim: bool) -> ExchangedTable:
     )
     ascend = len(nodes) > 1 and bool(np.all(np.diff(nodes) > 0))
     expect(ascend, str(path), description, "two or more, ascending")
-    values_of = np.array(values)
-    trims = np.abs(values_of).max() < np.abs(values_of - nodes).max()
+    size, off = np.abs(values).max(), np.abs(np.array(values) - nodes).max()
     found = "values near 0, which are no positions"
     expected = "forward and reverse positions; of trims (COMP_FILE_TYPE = 1): --trim"
-    expect(trim or not trims, str(path), found, expected)
+    expect(trim or size >= off, str(path), found, expected)
+    found = "values near the positions, which are no trims"
+    expected = "trims; of forward and reverse positions leave --trim out"
+    expect(not trim or off >= size, str(path), found, expected)
     entries = np.stack([-column if trim else column - nodes for column in values])
     if np.allclose(entries[0], entries[1], 0.0, 1e-9):
         entries = entries[:1]

@@ -77,11 +77,78 @@ def test_a_screw_without_an_axis_comes_back_from_a_csv(tmp_path: Path) -> None:
     assert back.read_bytes() == listing.read_bytes()
 
 
-def test_trims_that_are_taken_for_positions_are_named(tmp_path: Path) -> None:
+def test_trims_and_positions_that_are_taken_for_each_other_are_named(
+    tmp_path: Path,
+) -> None:
     listing = written(tmp_path, TABLES["leadscrew"])
     trims = convert(listing, tmp_path / "screw.comp", "--trim")
     with pytest.raises(ExchangeError, match=r"COMP_FILE_TYPE = 1\): --trim"):
         table_of_file(trims)
+    places = convert(listing, tmp_path / "places.comp")
+    with pytest.raises(ExchangeError, match="found values near the positions"):
+        table_of_file(places, trim=True)
+
+
+@pytest.mark.parametrize("comma", [",", ";"])
+def test_the_head_of_a_csv_counts_as_a_spreadsheet_saves_it(
+    tmp_path: Path, comma: str
+) -> None:
+    turn = ExchangedTable(
+        "leadscrew",
+        4,
+        (),
+        (90.0 * np.arange(5),),
+        np.array([[0, 2, 3, 1, 0]]) / 1e3,
+        True,
+    )
+    for table in (turn, TABLES["plane"]):
+        text = text_of(table, "csv").replace(",", comma)
+        path = tmp_path / "saved.csv"
+        path.write_text(text, encoding="utf-8-sig")
+        again = table_of_file(path)
+        assert again.modulo == table.modulo
+        assert (again.axis, again.masters) == (table.axis, table.masters)
+
+
+def test_what_a_table_does_not_hold_of_its_list_is_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name, more, words in (
+        ("cross", "kw.crosscomp.n_cycles 8\nkw.crosscomp.manual_activation TRUE\n",
+         "out: kw.crosscomp.n_cycles, kw.crosscomp.manual_activation."),
+        ("one direction", "kw.ssfk.set_pos_without_comp 1\n", "out: kw.ssfk.set_pos"),
+    ):  # fmt: skip
+        listing = written(tmp_path, TABLES[name])
+        listing.write_bytes(listing.read_bytes() + more.encode())
+        convert(listing, tmp_path / f"{name}.csv")
+        assert words in capsys.readouterr().err
+    convert(written(tmp_path, TABLES["leadscrew"]), tmp_path / "both.csv")
+    assert "left out" not in capsys.readouterr().err
+
+
+def test_a_list_in_increments_is_converted_by_their_worth(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    listing = written(tmp_path, TABLES["leadscrew"])
+    listing.write_bytes(listing.read_bytes() + b"kw.ssfk.unit 0\n")
+    assert main(["convert", str(listing), str(tmp_path / "no.csv")]) == 1
+    assert "(--increment, or" in capsys.readouterr().err
+    convert(listing, tmp_path / "a.csv", "--increment", "0.0001")
+    np.testing.assert_allclose(
+        table_of_file(tmp_path / "a.csv").entries, TABLES["leadscrew"].entries
+    )
+
+
+@pytest.mark.parametrize("names", [("y", "x"), ("1", "2")])
+def test_which_columns_count_as_the_masters_of_a_plane_is_said(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], names: tuple[str, str]
+) -> None:
+    head = f"{','.join(names)},z\n" if "x" in names else ""
+    path = tmp_path / "t.csv"
+    path.write_text(f"{head}0,0,1\n0,10,2\n5,0,3\n5,10,4\n")
+    convert(path, tmp_path / "a.lis", *stated("plane", 2, 3))
+    words = f"Column '{names[0]}' is taken for master 1, '{names[1]}' for master 2."
+    assert words in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("form", ["bed-mesh", "height-map"])
@@ -233,6 +300,7 @@ def test_columns_of_a_csv_are_told_by_their_names_where_they_have_some(
         ("x,offset\n0,1\n10,2\n", ["leadscrew"], "found offsets by their name"),
         ("x,correction\n0,1\n10,2\n", ["leadscrew"], "found offsets by their name"),
         ("x,Korrektur\n0,1\n10,2\n", ["leadscrew"], "found offsets by their name"),
+        ("x [mm],e [rad]\n0,1\n9,2\n", ["leadscrew"], "units: found angle and length"),
         ("x,e1,e2\n0,5,1\n9,6,1\n", ["leadscrew"], "their names: pos and neg"),
         ("x,f,r\n0,0.01,0\n9,9.01,9\n", ["leadscrew"], "that follow the positions"),
         ("position,pos,neg\n0,1,2\n9,1,2\n", ["cross", 2], "a cross has no directions"),
