@@ -198,7 +198,7 @@ def convert(
     """Convert a table: lists, CSV, LinuxCNC compensation files, bed meshes, height maps.
 
     Lengths are in mm; a CSV holds the entries as the list has them, LinuxCNC's file where
-    the joint really was, a mesh the height, whose negative a plane holds.
+    the joint really was, a mesh the error as a height, whose negative a plane holds.
 
     Options:
         source (IN): List, CSV, LinuxCNC compensation file, bed mesh or height map.
@@ -220,6 +220,7 @@ def convert(
     from ...data.lists import ListFile
     from ..exchange import (
         FORMATS,
+        HEIGHTS,
         format_of,
         list_with,
         table_in,
@@ -237,7 +238,8 @@ def convert(
     else:
         table = table_of_file(source, compensation, trim=trim)
     table = table.stated(compensation, axis, master or [])
-    note(table.remarks)
+    heights = (HEIGHTS,) if form in ("bed-mesh", "height-map") else ()
+    note(dict.fromkeys((*table.remarks, *heights)))
     if form == "list":
         listing, machine = list_with(table)
         write_atomically(target, listing.dumps())

@@ -21,6 +21,7 @@ from ._conventions_file import (
 )
 from ._convert import (
     FORMATS as FORMATS,
+    HEIGHTS as HEIGHTS,
     ExchangedTable as ExchangedTable,
     format_of as format_of,
     list_with as list_with,

@@ -37,6 +37,12 @@ from ._units import LIST_UNITS, ExchangeError, expect
 
 MASTERS = {"leadscrew": 0, "cross": 1, "plane": 2}
 """Compensations that are tables over positions, and how many masters each has."""
+HEIGHTS = (
+    "Heights of a mesh count as errors, + where the axis stands too high; entries of a plane are"
+    " their negative. What the machine's own probe reads on a flat reference is the negative of"
+    " the error: a plane of such a mesh comes from a job (axcomp new)."
+)
+"""What is said where a mesh is read or written."""
 _GRID = 1e-3
 """mm or ° by which nodes may be off an even grid of whole list units."""
 
@@ -246,7 +252,9 @@ def table_of_file(
     table = read_table(path)
     if table.format in MESH_FORMATS:
         plane = _of_grid(table, [_lengths(table, k) for k in range(3)])
-        return dataclasses.replace(plane, entries=-plane.entries, remarks=table.remarks)
+        # The last remark speaks of the columns of a job.
+        remarks = (*table.remarks[:-1], HEIGHTS)
+        return dataclasses.replace(plane, entries=-plane.entries, remarks=remarks)
     return _of_csv(table, compensation or "")
 
 

@@ -153,13 +153,17 @@ def test_which_columns_count_as_the_masters_of_a_plane_is_said(
 
 @pytest.mark.parametrize("form", ["bed-mesh", "height-map"])
 def test_a_plane_comes_back_from_a_mesh_byte_for_byte(
-    tmp_path: Path, form: str
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], form: str
 ) -> None:
     listing = written(tmp_path, TABLES["plane"])
     mesh = convert(listing, tmp_path / "mesh.cfg", "--to", form)
     options = ["--axis", "3", "--master", "1", "--master", "2"]
+    assert "entries of a plane are their negative" in capsys.readouterr().err
     back = convert(mesh, tmp_path / "back.lis", *options)
     assert back.read_bytes() == listing.read_bytes()
+    told = capsys.readouterr().err
+    assert "entries of a plane are their negative" in told
+    assert "sign = -1" not in told
 
 
 def test_linuxcnc_is_told_where_the_joint_really_was() -> None:
