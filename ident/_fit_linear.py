@@ -32,7 +32,7 @@ from ._parameters import (
     readings_of,
     weights_of,
 )
-from .core import FitError, TableEffect, shared_table
+from .core import FitError, Stack, TableEffect, shared_table
 
 M = TypeVar("M")
 
@@ -216,10 +216,10 @@ class _Structure(eqx.Module):
         unknown, penalties, size = np.full(sum(form.sizes), -1), list[_Penalty](), 0
         for number, start, own in sorted(tables, key=lambda one: one[2] is not widest):
             unknown[start + np.arange(len(own.place))] = size + own.place
-            for k, each in enumerate(own.prior.penalties):
+            for k, each in enumerate(Stack((own,)).terms):
                 gram = sp.coo_array(each.gram)
                 row, column = (jnp.asarray(size + at) for at in gram.coords)
-                reach = each.reach if own is widest else 0
+                reach = max(each.distances, default=0) if own is widest else 0
                 weight = number, k % 2
                 data = jnp.asarray(gram.data)
                 penalties.append(_Penalty(row, column, data, reach, weight))

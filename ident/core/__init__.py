@@ -26,7 +26,6 @@ from ._drift import (
     DriftNoise as DriftNoise,
     find_drift as find_drift,
     scatter_of_sums as scatter_of_sums,
-    variances_of_sums as variances_of_sums,
 )
 from ._effect import (
     AbstractEffect as AbstractEffect,
@@ -34,13 +33,12 @@ from ._effect import (
     GroupEffect as GroupEffect,
     TableEffect as TableEffect,
     axis_nodes as axis_nodes,
-    design_of as design_of,
     node_shares as node_shares,
     shared_table as shared_table,
     touched as touched,
 )
 from ._errors import NOT_DETERMINED as NOT_DETERMINED, FitError as FitError
-from ._evidence import choose_weights as choose_weights
+from ._evidence import Spread as Spread, choose_weights as choose_weights
 from ._factor import ArrowFactor as ArrowFactor
 from ._hold_out import (
     leave_one_out as leave_one_out,
@@ -72,6 +70,6 @@ from ._robust import (
     estimate as estimate,
     memory as memory,
 )
-from ._stack import Stack as Stack, compact as compact
+from ._stack import Stack as Stack
 from ._sums import Sums as Sums, sums_of as sums_of
 from ._threads import cores as cores, one_blas_thread as one_blas_thread

@@ -22,8 +22,6 @@ _STRAIGHT = 1e4, 1e2
 """Weight × least bend, relative to the density, at which a table is as good as straight."""
 LONG = 400
 """Nodes up to which singular values are worth their time."""
-STEP = 1e-3
-"""Step in a log weight for slopes of what costs nothing."""
 
 Vector = Float[np.ndarray, " _n"]
 
@@ -141,30 +139,20 @@ class Chain:
         stiffness[stiffness < 1e-12 * stiffness.max(initial=0.0)] = 0.0
         return stiffness, np.square(modes @ left[:, -1]), constant
 
-    def logdet(self, weights: Vector) -> tuple[float, Vector]:
-        """Return the log of the product of the non-zero eigenvalues, and its slopes."""
-        count = self.size - self.free
-        if not count:
-            return 0.0, np.zeros(2)
-        second, fourth = float(weights[0]), float(weights[1])
+    def logdet(self, weights: Vector, shift: float = 0.0) -> float:
+        """Return the log of the product of the non-zero eigenvalues, a shift added to all."""
+        if shift > 0.0:
+            second, fourth = self.grams
+            total = weights[0] * second + weights[1] * fourth
+            columns = lower_band(sp.csr_array(total))
+            columns[:, 0] += shift
+            return band_logdet(columns)
+        if self.size == self.free:
+            return 0.0
         stiffness, share, constant = self._factored
-        precision = second + fourth * stiffness
-        value = constant + float(np.log(precision).sum())
-        slope = float((fourth * stiffness / precision).sum())
-        if len(share):
-            share = share / precision
-            value += float(np.log(share.sum()))
-            slope -= float((share * fourth * stiffness / precision).sum() / share.sum())
-        return value, np.array([count - slope, slope])
-
-    def logdet_shifted(self, weights: Vector, shift: float) -> float:
-        """Return the log-determinant of penalty + shift · unit matrix."""
-        if shift == 0.0:
-            return self.logdet(weights)[0]
-        second, fourth = self.grams
-        columns = lower_band(sp.csr_array(weights[0] * second + weights[1] * fourth))
-        columns[:, 0] += shift
-        return band_logdet(columns)
+        precision = weights[0] + weights[1] * stiffness
+        value = constant + np.log(precision).sum()
+        return float(value + np.log((share / precision).sum()) if len(share) else value)
 
     @property
     def straight(self) -> Float[np.ndarray, "n z"]:

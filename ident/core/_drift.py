@@ -11,7 +11,6 @@ Biometrika 58(3), 1971.
 """
 
 import dataclasses
-from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
@@ -41,7 +40,7 @@ class DriftNoise:
     """How residuals scatter.
 
     Attributes:
-        white: Standard deviation of a reading of weight 1 about the drift, unit of the readings.
+        white: Standard deviation of a reading about the drift, unit of the readings.
         drift: Standard deviation of the drift, same unit; 0 = independent readings.
         time_constant: Time in which the drift forgets, in the unit of the clock; 0 without one.
         likely: Others that the residuals do not exclude, each by its variances, white and of
@@ -92,7 +91,6 @@ def find_drift(
     time: Float[np.ndarray, " t"],
     columns: Float[np.ndarray, "t k"],
     residual: Float[np.ndarray, " t"],
-    weight: Float[np.ndarray, " t"],
 ) -> DriftNoise:
     """Return variances and time constant of residuals by restricted maximum likelihood.
 
@@ -100,22 +98,21 @@ def find_drift(
         time: Of each reading, in any order.
         columns: What was fitted; its degrees of freedom are taken off.
         residual: Readings minus fit.
-        weight: Known weights of the white part.
     """
     step = -(-len(time) // _MANY)
-    time, columns = time[::step], columns[::step]
-    residual, weight = residual[::step], weight[::step]
+    time, columns, residual = time[::step], columns[::step], residual[::step]
     free = len(time) - columns.shape[1]
-    square = float((weight * residual**2).sum())
+    square = float(residual @ residual)
     white_only = DriftNoise(float(np.sqrt(square / max(free, 1))))
     chain = _chain(time)
     if free < _FEW or chain.size < _FEW or not square > 0:
         return white_only
     right = np.column_stack([columns, residual])
-    gram = right.T @ (weight[:, None] * right)
-    gathered = chain.gather(weight[:, None] * right)
-    counts = chain.gather(weight[:, None])[:, 0]
-    constant = float(np.log(weight).sum())
+    gram, gathered, counts = (
+        right.T @ right,
+        chain.gather(right),
+        np.bincount(chain.index),
+    )
 
     def deviance(sums: Float[np.ndarray, "m m"], spread: float) -> tuple[float, float]:
         """Return minus twice the log-likelihood, and the variance of a reading.
@@ -139,9 +136,9 @@ def find_drift(
             return np.inf, np.nan
         sums = gram - gathered.T @ dpttrs(pivots, factor, gathered)[0]
         spread = float(np.log(pivots).sum()) - logdet
-        return deviance(sums, spread + chain.size * float(np.log(ratio)) - constant)
+        return deviance(sums, spread + chain.size * float(np.log(ratio)))
 
-    independent, _ = deviance(gram, -constant)
+    independent, _ = deviance(gram, 0.0)
     span = float(chain.gaps.sum())
     low, high = np.log(float(np.median(chain.gaps))), np.log(span)
     # A drift longer than the log cannot be separated from a level, which the columns hold.
@@ -180,42 +177,16 @@ def scatter_of_sums(
     noise: DriftNoise,
     time: Float[np.ndarray, " t"],
     columns: Float[np.ndarray, "t k"],
-    weight: Float[np.ndarray, " t"],
 ) -> Float[np.ndarray, "k k"]:
-    """Return the covariance of the weighted sums Σ w x r of residuals r that scatter so."""
-    weighted, parts = weight[:, None] * columns, _parts(noise)
-    white = sum(part[0] for part in parts)
-    gathered, spread = _spread(parts, time, weighted)
-    return np.asarray(white * (columns.T @ weighted) + gathered.T @ spread)
-
-
-def variances_of_sums(
-    noise: DriftNoise, time: Float[np.ndarray, " t"], columns: Float[np.ndarray, "t k"]
-) -> Float[np.ndarray, " k"]:
-    """Return the variances of the sums Σ x r of residuals r of weight 1 that scatter so."""
-    parts = _parts(noise)
-    gathered, spread = _spread(parts, time, columns)
-    white = sum(part[0] for part in parts) * np.square(columns).sum(axis=0)
-    return np.asarray(white + (gathered * spread).sum(axis=0))
-
-
-def _parts(noise: DriftNoise) -> Sequence[tuple[float, float, float]]:
-    """Return what the covariance is the sum of; see `DriftNoise.likely`."""
-    return noise.likely or ((noise.white**2, noise.drift**2, noise.time_constant),)
-
-
-def _spread(
-    parts: Sequence[tuple[float, float, float]],
-    time: Float[np.ndarray, " t"],
-    columns: Float[np.ndarray, "t k"],
-) -> tuple[Float[np.ndarray, "u k"], Float[np.ndarray, "u k"]]:
-    """Return columns summed at each instant, and the covariance of the drift times these."""
-    if not any(part[1] for part in parts):
-        return np.zeros((1, columns.shape[1])), np.zeros((1, columns.shape[1]))
-    chain = _chain(time)
-    sums = chain.gather(columns)
-    total = np.zeros_like(sums)
-    for _, variance, time_constant in parts:
-        diagonal, side, _ = chain.precision(time_constant)
-        total += variance * dpttrs(*dpttrf(diagonal, side)[:2], sums)[0]
-    return sums, total
+    """Return the covariance of the sums Σ x r of residuals r that scatter so."""
+    parts = noise.likely or ((noise.white**2, noise.drift**2, noise.time_constant),)
+    result = sum(part[0] for part in parts) * (columns.T @ columns)
+    if any(part[1] for part in parts):
+        chain = _chain(time)
+        sums = chain.gather(columns)
+        total = np.zeros_like(sums)
+        for _, variance, time_constant in parts:
+            diagonal, side, _ = chain.precision(time_constant)
+            total += variance * dpttrs(*dpttrf(diagonal, side)[:2], sums)[0]
+        result = result + sums.T @ total
+    return np.asarray(result)

@@ -15,7 +15,6 @@ from jaxtyping import Array, Bool, Float, Int
 
 from ...models import (
     AbstractLookup,
-    AbstractNodes,
     EquidistantNodes,
     Leadscrew,
     Plane,
@@ -28,8 +27,6 @@ from ._readings import Readings, filled
 Design = tuple[Int[np.ndarray, "t k"], Float[np.ndarray, "t k"]]
 """Unknowns that each reading touches, and their shares: a sparse matrix, k per row."""
 
-KEPT = 10_000
-"""Readings up to which their design is kept."""
 _EVEN = 1e-9
 """Nodes count as equidistant when they lie on a straight line to this share of a cell."""
 _PLACES, _NODES = 1 << 12, 12
@@ -55,15 +52,6 @@ class AbstractEffect(abc.ABC):
     @abc.abstractmethod
     def design(self, readings: Readings) -> Design:
         """Return the rows of the design for some readings."""
-
-
-def design_of(effect: AbstractEffect, readings: Readings) -> Design:
-    """Return the rows of an effect; few readings keep them for the next call."""
-    if len(readings) > KEPT:
-        return effect.design(readings)
-    if effect not in readings.designs:
-        readings.designs[effect] = effect.design(readings)
-    return readings.designs[effect]
 
 
 def touched(
@@ -162,14 +150,6 @@ class TableEffect(AbstractEffect):
         return Leadscrew(axes[0], empty, neg, self.ring or None)
 
     @property
-    def axes(self) -> tuple[AbstractNodes, ...]:
-        """The model's nodes along each axis."""
-        model = self.model
-        if isinstance(model, Plane):
-            return (model.nodes1, model.nodes2)
-        return (model.input_nodes,)
-
-    @property
     def branches(self) -> int:
         """Tables side by side, one per direction of motion."""
         return 1 if self.way is None else 2
@@ -209,13 +189,9 @@ class TableEffect(AbstractEffect):
         places = self.place.reshape(self.branches, -1)
         return places[:, :-1].reshape(-1) if self.ring else places.reshape(-1)
 
-    @property
+    @cached_property
     def prior(self) -> Smooth:
         """See `AbstractEffect`: differences along the axes of the table."""
-        return self._prior
-
-    @cached_property
-    def _prior(self) -> Smooth:
         if len(self.nodes) == 2:
             first, second = (chain(nodes) for nodes in self.nodes)
             order = np.arange(first.size * second.size)
@@ -296,18 +272,6 @@ class ColumnsEffect(AbstractEffect):
         raise AssertionError
 
 
-@functools.lru_cache(maxsize=64)
-def _contrast(counted: bytes, present: bytes) -> Float[np.ndarray, "g c"]:
-    counts, here = (np.frombuffer(flags, bool) for flags in (counted, present))
-    counts_here = counts[here]
-    if not counts_here.any():
-        counts_here = np.ones(len(counts_here), bool)
-    columns = scipy.linalg.null_space(counts_here[None].astype(float))
-    result = np.zeros((len(counts), columns.shape[1]))
-    result[here] = columns
-    return result
-
-
 @final
 @dataclasses.dataclass(frozen=True, eq=False)
 class GroupEffect(AbstractEffect):
@@ -331,7 +295,12 @@ class GroupEffect(AbstractEffect):
     @cached_property
     def contrast(self) -> Float[np.ndarray, "g c"]:
         """Orthonormal columns over the groups."""
-        return _contrast(self.counted.tobytes(), self.present.tobytes())
+        counts = self.counted[self.present]
+        counts = counts if counts.any() else np.ones(len(counts))
+        columns = scipy.linalg.null_space(counts[None].astype(float))
+        result = np.zeros((len(self.counted), columns.shape[1]))
+        result[self.present] = columns
+        return result
 
     @property
     def parts(self) -> int:
@@ -353,13 +322,7 @@ class GroupEffect(AbstractEffect):
             shares = np.hstack([shares, shares * place])
         return np.broadcast_to(np.arange(self.size), shares.shape), shares
 
-    def by_group(self, values: Float[np.ndarray, " c"]) -> Float[np.ndarray, "p g"]:
-        """Return unknowns as offsets, then trends, of each group."""
-        return np.asarray(values.reshape(self.parts, -1) @ self.contrast.T)
-
-    def variances(self, inverse: Float[np.ndarray, "c c"]) -> Float[np.ndarray, "p g"]:
-        """Return the variances of offsets, then trends, for a covariance of the unknowns."""
-        width = self.contrast.shape[1]
-        parts = [slice(k * width, (k + 1) * width) for k in range(self.parts)]
-        blocks = np.array([inverse[part, part] for part in parts])
-        return np.asarray(np.sum(self.contrast @ blocks * self.contrast, axis=2))
+    @property
+    def by_group(self) -> Float[np.ndarray, "pg c"]:
+        """Offsets, then trends, of each group, by unknowns."""
+        return np.kron(np.eye(self.parts), self.contrast)

@@ -85,7 +85,7 @@ def _likeliest(problem: Problem, near: Posterior | None) -> Posterior | None:
             return _descend(problem, start, gain)
     start = _scanned(problem)
     best = None if start is None else _descend(problem, start, gain)
-    if best is None or not problem.optional.any():
+    if best is None or not problem.stack.optional.any():
         return best
     bent = _bent(problem, best)
     other = None if bent is None else _descend(problem, bent, gain)
@@ -117,7 +117,7 @@ def _loosened(problem: Problem, best: Posterior) -> Posterior:
             # All axes of a table at once, then each by itself.
             axes = [slice(k, k + 2) for k in range(terms.start, terms.stop, 2)]
             groups += [terms, *axes] if len(axes) > 1 else [terms]
-    second = np.where(problem.optional, 0.0, problem.density)
+    second = np.where(problem.stack.optional, 0.0, problem.density)
     for terms in groups:
         for scale in _LOOSER:
             weights = best.weights.copy()
@@ -186,7 +186,7 @@ def _scanned(problem: Problem) -> Posterior | None:
     scanned = np.concatenate(
         [[prior.scanned] * len(prior.rows) for prior, _, _ in problem.stack.priors]
     ).astype(bool)
-    second = np.where(problem.optional, 0.0, problem.density)
+    second = np.where(problem.stack.optional, 0.0, problem.density)
     trials = [np.where(scanned, scale, 1.0) * second for scale in _SCALES]
     return _best_of(problem, trials)
 
@@ -197,7 +197,7 @@ def _bent(problem: Problem, plain: Posterior) -> Posterior | None:
     They start where second differences by themselves ended: what those hold in place of
     curvature, fourth ones hold with their square.
     """
-    fourth = np.flatnonzero(problem.optional)
+    fourth = np.flatnonzero(problem.stack.optional)
     second = fourth - 1
     relative = (plain.weights / problem.density)[second]
     trials, lifts = [], _FAR if plain.used > _EVERY * problem.count else ()
@@ -264,7 +264,7 @@ def _simplified(problem: Problem, best: Posterior, gain: float) -> Posterior:
         drop[terms] = prior.optional
         if drop.all() or not best.weights[drop].any():
             continue
-        if int((best.weights[problem.optional] > 0).sum()) == int(drop.sum()):
+        if int((best.weights[problem.stack.optional] > 0).sum()) == int(drop.sum()):
             continue
         start = _best_of(problem, [np.where(drop, 0.0, best.weights)])
         other = None if start is None else _descend(problem, start, gain)
@@ -312,5 +312,5 @@ def _thinned(problem: Problem) -> tuple[Problem, Callable[[Vector], Vector]]:
         factor[k] = ratio[axis] ** power / ratio[1 - axis]
     pins = np.concatenate([np.zeros(m), problem.held[n:]])
     result = Problem.of(thinned, theta, problem.gain, pins)
-    result = dataclasses.replace(result, pinned=problem.pinned)
+    result = dataclasses.replace(result, pinned=problem.pinned, times=problem.times)
     return result, lambda weights: weights[order] * factor

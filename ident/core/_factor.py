@@ -23,11 +23,9 @@ dpbtrf, dtbtrs, dpotrf, dpotri, dpotrs, dtrtri = get_lapack_funcs(
 )
 
 _DENSE = 500
-"""Unknowns up to which the whole inverse of a band is faster than its elements."""
+"""Unknowns from which on it pays to look for blocks that nothing couples."""
 _BLOCK = 64
 """Columns of the inverse that are found at once."""
-_MANY = 8
-"""Right-hand sides from which on a band is solved in blocks, by matrix products."""
 
 Columns = Float[np.ndarray, "n w"]
 """Lower band of a matrix: ``[j, d]`` is element ``(j + d, j)``."""
@@ -156,53 +154,12 @@ def _half_solved(
     band: Columns, right: Float[np.ndarray, "n *k"], back: bool = False
 ) -> Float[np.ndarray, "n *k"]:
     """Solve with the factor of a band, or with its transpose (``back``)."""
-    if right.ndim > 1 and right.shape[1] > _MANY and band.shape[1] > _BLOCK:
-        return _half_solved_in_blocks(band, right, back)
     if not right.size:
         return np.zeros(right.shape)  # LAPACK would write beyond the end of nothing
     columns = right.reshape(len(right), -1)
     solution, info = dtbtrs(band.T, columns, uplo="L", trans="T" if back else "N")
     assert info == 0
     return np.asarray(solution).reshape(right.shape)
-
-
-def _blocks(band: Columns) -> list[tuple[slice, np.ndarray, np.ndarray]]:
-    """Return rows, lower triangle, and what stands below, of blocks as wide as the band."""
-    n, width = band.shape
-    step = width - 1
-    flat = np.zeros((n + step, width))
-    flat[:n] = band
-    size = flat.itemsize
-    blocks = []
-    for start in range(0, n, step):
-        stop, last = min(start + step, n), min(start + 2 * step, n)
-        # Next to it in a column of the matrix is next to it in memory.
-        panel = as_strided(
-            flat[start], (2 * step, stop - start), (size, size * (width - 1))
-        )
-        count = stop - start
-        below = panel[count : last - start].copy()
-        # What a column reaches ends with the band.
-        rows = np.arange(count, last - start)[:, None]
-        below[rows - np.arange(count) >= width] = 0.0
-        blocks.append((slice(start, stop), np.tril(panel[:count]), below))
-    return blocks
-
-
-def _half_solved_in_blocks(
-    band: Columns, right: Float[np.ndarray, "n k"], back: bool
-) -> Float[np.ndarray, "n k"]:
-    """Solve for many right-hand sides; LAPACK takes one after the other."""
-    blocks = _blocks(band)
-    result = np.array(right)
-    for rows, triangle, below in reversed(blocks) if back else blocks:
-        following = slice(rows.stop, rows.stop + len(below))
-        if back:
-            result[rows] -= below.T @ result[following]
-        result[rows] = dtrsm(1.0, triangle, result[rows], lower=1, trans_a=int(back))
-        if not back:
-            result[following] -= below @ result[rows]
-    return result
 
 
 def band_inverse(band: Columns, offsets: Sequence[int]) -> Float[np.ndarray, "n s"]:
@@ -216,11 +173,6 @@ def band_inverse(band: Columns, offsets: Sequence[int]) -> Float[np.ndarray, "n 
     """
     n, width = band.shape
     result = np.zeros((n, len(offsets)))
-    if n <= _DENSE:
-        inverse = _half_solved(band, _half_solved(band, np.eye(n)), back=True)
-        for slot, k in enumerate(offsets):
-            result[: n - k, slot] = np.diagonal(inverse, -k)
-        return result
     reach = max(width - 1, _BLOCK)
     flat = np.zeros((n + reach, reach + 1))  # rows beyond the end are those of a unit
     flat[:n, :width] = band

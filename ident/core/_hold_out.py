@@ -73,8 +73,7 @@ def sums_by_group(
     for label in np.unique(groups).tolist():
         mask = groups == label
         group = readings.take(mask)
-        whole, _ = sums_of(stack, group, about, loss, design=design[mask])
-        sums[label] = whole.alike(estimate.times)
+        sums[label], _ = sums_of(stack, group, about, loss, design=design[mask])
     return sums
 
 
@@ -108,7 +107,8 @@ def leave_one_out(
         if label in present:
             total, theta = _without_runs(total, theta, present[label], gain)
         problem = Problem.of(total, theta, gain, pins.get(label))
-        post = problem.at(estimate.posterior.weights)
+        times = estimate.posterior.problem.times
+        post = dataclasses.replace(problem, times=times).at(estimate.posterior.weights)
         if post is None:
             raise FitError(NOT_LEFT_OUT)
         posteriors[label] = post

@@ -25,20 +25,18 @@ def _cell(position, axis):
 
 @numba.njit(inline="always")
 @no_type_check
-def _weighed(difference, weight, loss):
-    """Return a residual × √weight, weight × ψ, and what it adds to the tally."""
+def _weighed(residual, loss):
+    """Return ψ of a residual, and what it adds to the tally."""
     per_scale, per_freedom, corner, limit, wild = loss
-    residual = difference * np.sqrt(weight)
     size = abs(residual) * per_scale
     if not size <= limit:
-        return residual, 0.0, (0.0, 0.0, 0.0, 0.0, 0.0)
+        return 0.0, (0.0, 0.0, 0.0, 0.0, 0.0)
     share = 1.0 / (1.0 + size * size * per_freedom)
     slope = (2.0 * share - 1.0) * share
     if size > corner:
         share, slope = corner / size, 0.0
-    score, good = weight * share * difference, 1.0 if size <= wild else 0.0
-    square = good * weight * difference * difference
-    return residual, score, (1.0, slope, score * share * difference, square, good)
+    score, good = share * residual, 1.0 if size <= wild else 0.0
+    return score, (1.0, slope, score * score, good * residual * residual, good)
 
 
 def machine_code(function: Any) -> Any:
@@ -52,17 +50,8 @@ def machine_code(function: Any) -> Any:
 
 @machine_code
 @no_type_check
-def count_sizes(bits, shift, first, histogram):
-    """Count numbers by the leading bits of their size."""
-    for t in range(len(bits)):
-        place = ((bits[t] & 0x7FFFFFFFFFFFFFFF) >> shift) - first
-        histogram[min(max(place, 0), len(histogram) - 1)] += 1
-
-
-@machine_code
-@no_type_check
 def add_plane(
-    along, across, value, weight, axes, theta, loss, full, record, right, tally, support,
+    along, across, value, axes, theta, loss, full, record, right, tally, support,
     residual,
 ):  # fmt: skip
     """Add readings of an equidistant plane; a record has the products of a cell's corners."""
@@ -77,8 +66,8 @@ def add_plane(
         difference = value[t]
         for p in range(4):
             difference -= shares[p] * theta[corners[p]]
-        w = weight[t] if len(weight) else 1.0
-        residual[t], score, add = _weighed(difference, w, loss)
+        residual[t] = difference
+        score, add = _weighed(difference, loss)
         count, slopes, scores = count + add[0], slopes + add[1], scores + add[2]
         squares, good = squares + add[3], good + add[4]
         for p in range(4):
@@ -89,7 +78,7 @@ def add_plane(
         for p in range(4):
             support[corners[p]] += shares[p] > 0.0
             for q in range(p + 1):
-                diagonals[place] += w * shares[p] * shares[q]
+                diagonals[place] += shares[p] * shares[q]
                 place += 1
     # In memory, other stores between, each sum would wait for the one before.
     tally += np.array([count, slopes, scores, squares, good])

@@ -36,7 +36,7 @@ class Loss:
     """Student's t with a Huber corner and a limit; without any of them least squares.
 
     Attributes:
-        scale: Of the residuals, in the unit of the readings (weight 1).
+        scale: Of the residuals, in the unit of the readings.
         freedom: Degrees of freedom of Student's t; infinite for Gaussian noise.
         corner: Residual in scales from which on the influence is constant (Huber).
         limit: Residual in scales from which on a reading is wild and has no influence.
@@ -100,7 +100,7 @@ def choose_loss(
 
     Args:
         name: ``"student"``, ``"huber"``, ``"gauss"``, or ``"trim"``: least squares but for wild.
-        residual: Residuals × √weight.
+        residual: Residuals.
         inflation: Factor ≥ 1 that undoes the shrinkage of residuals by the fitted parameters.
         floor: Smallest scale.
         count: How many readings have each residual; None: one. Then they must ascend in size.

@@ -7,7 +7,7 @@ from typing import Any, final
 
 import numpy as np
 import scipy.sparse as sp
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 from scipy.sparse.linalg import cg
 
 from ._factor import ArrowFactor
@@ -35,6 +35,7 @@ class Problem:
         density: Information per unknown of the effect that each weight belongs to.
         held: Precision that holds unknowns at zero.
         pinned: Number of unknowns that are held since nothing else determines them.
+        times: Of so many readings one tells something of its own.
     """
 
     sums: Sums
@@ -43,6 +44,7 @@ class Problem:
     density: Vector
     held: Vector
     pinned: int = 0
+    times: float = 1.0
 
     @classmethod
     def of(
@@ -61,19 +63,6 @@ class Problem:
             held, pinned = held + pins, int((pins > 0.0).sum())
         return cls(sums, theta, gain, np.array(density), held, pinned)
 
-    def again(self, sums: Sums, theta: Vector, gain: float) -> "Problem":
-        """Return the problem of sums of the same matrix about another estimate."""
-        return dataclasses.replace(self, sums=sums, theta=theta, gain=gain)
-
-    def alike(self, times: float) -> "Problem":
-        """Return the problem if only one reading in so many told something of its own."""
-        return dataclasses.replace(
-            self,
-            sums=self.sums.alike(times),
-            density=self.density / times,
-            held=self.held / times,
-        )
-
     @property
     def stack(self) -> Stack:
         """The effects."""
@@ -81,8 +70,8 @@ class Problem:
 
     @property
     def count(self) -> float:
-        """Readings that count."""
-        return float(self.sums.tally[0])
+        """Readings that count, of those that tell something of their own."""
+        return float(self.sums.tally[0]) / self.times
 
     @property
     def degrees(self) -> float:
@@ -94,11 +83,6 @@ class Problem:
         """Least and largest log of each weight."""
         ends = [prior.bounds for prior, _, _ in self.stack.priors]
         return np.asarray(np.concatenate(ends) + np.log(self.density)[:, None])
-
-    @property
-    def optional(self) -> Bool[np.ndarray, " k"]:
-        """Weights that may be 0: those of fourth differences."""
-        return self.stack.optional
 
     @cached_property
     def right(self) -> Vector:
@@ -114,20 +98,10 @@ class Problem:
             weights: Of each term of the prior, relative to 1/noise².
             factor: Of the same matrix, where one is known.
         """
-        stack, sums = self.stack, self.sums
-        slope = self.held * self.theta
-        if stack.small:
-            flat = stack.grams.reshape(-1, stack.size**2)
-            precision = (weights @ flat).reshape(stack.size, stack.size)
-            slope += precision @ self.theta
-            if factor is None:
-                factor = self._dense_factor(precision)
-        else:
-            for weight, term in self._terms(weights):
-                here = term.here
-                slope[here] += weight * (term.penalty.gram @ self.theta[here])
-            if factor is None:
-                factor = self._band_factor(weights)
+        sums, slope = self.sums, self.held * self.theta
+        for weight, term in self._terms(weights):
+            slope += weight * (term.gram @ self.theta)
+        factor = self._factor(weights) if factor is None else factor
         if factor is None:
             return None
         step = factor.solve(self.right - slope)
@@ -157,9 +131,7 @@ class Problem:
         """Return the precision of the prior for these weights."""
         total: Any = sp.csr_array(sp.diags_array(self.held))
         for weight, term in self._terms(weights):
-            gram: Any = sp.coo_array(term.penalty.gram)
-            places = tuple(index + term.here.start for index in gram.coords)
-            total = total + weight * sp.csr_array((gram.data, places), total.shape)
+            total = total + weight * term.gram
         return total
 
     def precision(self, weights: Vector) -> sp.csr_array:
@@ -171,17 +143,12 @@ class Problem:
         terms = zip(weights.tolist(), self.stack.terms, strict=True)
         return [(w, t) for w, t in terms if w > 0.0]
 
-    def _dense_factor(self, prior: Float[np.ndarray, "u u"]) -> ArrowFactor | None:
-        matrix = self.sums.border + prior
-        matrix.reshape(-1)[:: len(matrix) + 1] += self.held
-        return ArrowFactor.of(np.zeros((0, 1)), self.sums.cross, matrix)
-
-    def _band_factor(self, weights: Vector) -> ArrowFactor | None:
+    def _factor(self, weights: Vector) -> ArrowFactor | None:
         stack, sums = self.stack, self.sums
         terms = self._terms(weights)
         n = stack.band
         reach = [max(stack.offsets)]
-        reach += [term.penalty.reach for _, term in terms if not term.border]
+        reach += [max(t.distances, default=0) for _, t in terms if not t.border]
         width = min(max(reach), max(n - 1, 0))
         columns = np.zeros((n, width + 1))
         for slot, k in enumerate(stack.offsets if n else ()):
@@ -191,12 +158,11 @@ class Problem:
         border = sums.border.copy()
         np.einsum("ii->i", border)[:] += self.held[n:]
         for weight, term in terms:
-            gram, shift = term.penalty, term.shift
             if term.border:
-                border[gram.row + shift, gram.column + shift] += weight * gram.data
+                border[term.row - n, term.column - n] += weight * term.data
             else:
-                places = gram.column * width + gram.row
-                columns.reshape(-1)[places] += weight * gram.data
+                places = term.column * width + term.row
+                columns.reshape(-1)[places] += weight * term.data
         return ArrowFactor.of(columns, sums.cross, border)
 
 
@@ -222,10 +188,7 @@ class Posterior:
     @cached_property
     def penalties(self) -> Vector:
         """Penalty of each term for weight 1, free of cancellation."""
-        stack = self.problem.stack
-        if stack.small:
-            return np.asarray(np.square(stack.rows @ self.values).sum(axis=1))
-        bends = (t.penalty.rows @ self.values[t.here] for t in stack.terms)
+        bends = (term.rows @ self.values for term in self.problem.stack.terms)
         return np.array([float(bend @ bend) for bend in bends])
 
     @cached_property
@@ -241,18 +204,19 @@ class Posterior:
         return self.total / self.problem.degrees
 
     @cached_property
-    def _prior(self) -> tuple[float, Vector]:
-        value, slopes = 0.0, np.zeros(len(self.weights))
-        for prior, _, terms in self.problem.stack.priors:
-            logdet, slopes[terms] = prior.logdet(self.weights[terms])
-            value += logdet
-        return value, slopes
+    def _prior_slopes(self) -> Vector:
+        """Slope of the determinant of the prior over the logarithm of each weight."""
+        priors = self.problem.stack.priors
+        slopes = [prior.slopes(self.weights[terms]) for prior, _, terms in priors]
+        return np.concatenate(slopes)
 
     @cached_property
     def evidence(self) -> float:
         """Minus twice the restricted log-likelihood, up to a constant; smaller is better."""
         noise = self.problem.degrees * float(np.log(self.total))
-        return noise + self.factor.logdet - self._prior[0]
+        priors = self.problem.stack.priors
+        prior = sum(prior.logdet(self.weights[terms]) for prior, _, terms in priors)
+        return noise + self.factor.logdet - prior
 
     @cached_property
     def _offsets(self) -> list[int]:
@@ -262,7 +226,7 @@ class Posterior:
         used |= {k for k in stack.offsets if k < width}
         for weight, term in zip(self.weights, stack.terms, strict=True):
             if weight > 0.0 and not term.border:
-                used |= term.penalty.distances
+                used |= term.distances
         return sorted(used)
 
     @cached_property
@@ -276,34 +240,29 @@ class Posterior:
     def traces(self) -> Vector:
         """Weight × trace of inverse × penalty matrix: unknowns that each term takes away."""
         stack = self.problem.stack
-        if stack.small:
-            inverse = self.factor.border_inverse
-            products = stack.grams.reshape(-1, inverse.size) @ inverse.reshape(-1)
-            return np.asarray(self.weights * products)
         result = np.zeros(len(self.weights))
         for k, term in enumerate(stack.terms):
             if self.weights[k] == 0.0:
                 continue
-            penalty, shift = term.penalty, term.shift
             if term.border:
-                places = penalty.row + shift, penalty.column + shift
+                places = term.row - stack.band, term.column - stack.band
                 inverse = self.factor.border_inverse[places]
             else:
                 selected, slots = self._selected
-                inverse = selected[penalty.column, slots[penalty.row - penalty.column]]
-            result[k] = self.weights[k] * float(penalty.doubled @ inverse)
+                inverse = selected[term.column, slots[term.row - term.column]]
+            result[k] = self.weights[k] * float(term.doubled @ inverse)
         return result
 
     @property
     def carried(self) -> Vector:
         """Effective number of unknowns that each weight leaves to the readings."""
-        return np.asarray(np.maximum(self._prior[1] - self.traces, 0.0))
+        return np.asarray(np.maximum(self._prior_slopes - self.traces, 0.0))
 
     @property
     def slopes(self) -> Vector:
         """Slope of the evidence over the logarithm of each weight."""
         fitted = self.problem.degrees * self.weights * self.penalties / self.total
-        return np.asarray(fitted + self.traces - self._prior[1])
+        return np.asarray(fitted + self.traces - self._prior_slopes)
 
     @cached_property
     def used(self) -> float:
@@ -335,7 +294,7 @@ class Posterior:
         """Return the problem of the same sums about these values, so that digits are kept."""
         problem = self.problem
         sums = problem.sums.moved(self.values - problem.theta, problem.gain)
-        return problem.again(sums, self.values, problem.gain)
+        return dataclasses.replace(problem, sums=sums, theta=self.values)
 
 
 @final

@@ -15,55 +15,12 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Bool, Float, Int
 
-from ._chain import CAPS, LEAST, LONG, STEP, Chain
+from ._chain import CAPS, LEAST, LONG, Chain
+
+_STEP = 1e-3
+"""Step in a log weight for slopes of the determinant, which costs little beside a factor."""
 
 Vector = Float[np.ndarray, " _n"]
-
-
-@final
-@dataclasses.dataclass(frozen=True, eq=False)
-class Penalty:
-    """One term of a prior, $K = D^T D$, over the unknowns of its effect.
-
-    Attributes:
-        rows: D.
-        gram: K.
-        row: Of the lower elements of K.
-        column: Likewise.
-        data: The elements.
-        doubled: Elements counted for both triangles.
-        distances: Of the elements from the diagonal.
-    """
-
-    rows: sp.csr_array
-    gram: sp.csr_array
-    row: Int[np.ndarray, " e"]
-    column: Int[np.ndarray, " e"]
-    data: Float[np.ndarray, " e"]
-    doubled: Float[np.ndarray, " e"]
-    distances: frozenset[int]
-
-    @classmethod
-    def of(cls, rows: sp.csr_array) -> "Penalty":
-        """Return the penalty of rows."""
-        gram = sp.csr_array(rows.T @ rows)
-        lower = sp.coo_array(sp.tril(gram))
-        keep = lower.data != 0.0
-        row, column = (index[keep].astype(np.int64) for index in lower.coords)
-        data = lower.data[keep]
-        doubled = np.where(row == column, data, 2.0 * data)
-        distances = frozenset(np.unique(row - column).tolist())
-        return cls(rows, gram, row, column, data, doubled, distances)
-
-    @cached_property
-    def whole(self) -> Float[np.ndarray, "r n"]:
-        """D with all its zeros."""
-        return np.asarray(self.rows.toarray())
-
-    @property
-    def reach(self) -> int:
-        """Largest distance of an element from the diagonal."""
-        return max(self.distances, default=0)
 
 
 class AbstractPrior(abc.ABC):
@@ -80,16 +37,18 @@ class AbstractPrior(abc.ABC):
         """What no term holds, one column per dimension."""
 
     @abc.abstractmethod
-    def logdet(self, weights: Vector) -> tuple[float, Vector]:
-        """Return the log of the product of the non-zero eigenvalues of the precision.
+    def logdet(self, weights: Vector) -> float:
+        """Return the log of the product of the non-zero eigenvalues of the precision."""
 
-        Beside it stands its slope over the logarithm of each weight; 0 for a weight of 0.
-        """
-
-    @cached_property
-    def penalties(self) -> tuple[Penalty, ...]:
-        """The terms as matrices."""
-        return tuple(Penalty.of(rows) for rows in self.rows)
+    def slopes(self, weights: Vector) -> Vector:
+        """Return the slope of `logdet` over the logarithm of each weight; 0 for a weight of 0."""
+        result = np.zeros(len(weights))
+        for k in np.flatnonzero(weights):
+            step = np.zeros(len(weights))
+            step[k] = _STEP
+            ends = [self.logdet(weights * np.exp(sign * step)) for sign in (1.0, -1.0)]
+            result[k] = (ends[0] - ends[1]) / (2.0 * _STEP)
+        return result
 
     @cached_property
     def free(self) -> int:
@@ -132,8 +91,8 @@ class NoPrior(AbstractPrior):
     def straight(self) -> Float[np.ndarray, "n z"]:
         return np.eye(self.size)
 
-    def logdet(self, weights: Vector) -> tuple[float, Vector]:
-        return 0.0, np.zeros(len(weights))
+    def logdet(self, weights: Vector) -> float:
+        return 0.0
 
 
 @final
@@ -158,9 +117,9 @@ class Independent(AbstractPrior):
     def straight(self) -> Float[np.ndarray, "n z"]:
         return np.zeros((int(np.asarray(self.matrix.shape)[1]), 0))
 
-    def logdet(self, weights: Vector) -> tuple[float, Vector]:
+    def logdet(self, weights: Vector) -> float:
         count = float(np.asarray(self.matrix.shape)[1])
-        return count * float(np.log(weights[0])) + self.constant, np.array([count])
+        return count * float(np.log(weights[0])) + self.constant
 
 
 @final
@@ -195,28 +154,14 @@ class Smooth(AbstractPrior):
             blocks += [sp.kron(along, rows) for rows in self.fast.rows]
         return tuple(_placed(sp.coo_array(block), self.order) for block in blocks)
 
-    def logdet(self, weights: Vector) -> tuple[float, Vector]:
+    def logdet(self, weights: Vector) -> float:
         if self.fast is None:
-            value, slopes = self.slow.logdet(weights)
-            return self.branches * value, self.branches * slopes
-        # Slopes are central differences: a determinant costs little beside a factor.
-        slopes = np.zeros(4)
-        for k in np.flatnonzero(weights):
-            ends = []
-            for step in (STEP, -STEP):
-                shifted = weights.copy()
-                shifted[k] *= np.exp(step)
-                ends.append(self._logdet(shifted))
-            slopes[k] = (ends[0] - ends[1]) / (2.0 * STEP)
-        return self._logdet(weights), slopes
-
-    def _logdet(self, weights: Vector) -> float:
-        assert self.fast is not None
+            return self.branches * self.slow.logdet(weights)
         across = _eigenvalues(self.fast, *weights[2:].tolist())
         if self.slow.size <= LONG:
             grid = _eigenvalues(self.slow, *weights[:2].tolist())[:, None] + across
             return float(np.log(grid[grid > 0.0]).sum())
-        return sum(self.slow.logdet_shifted(weights[:2], value) for value in across)
+        return sum(self.slow.logdet(weights[:2], value) for value in across)
 
     @property
     def bounds(self) -> Float[np.ndarray, "k 2"]:

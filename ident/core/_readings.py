@@ -20,21 +20,14 @@ class Readings:
         value: Readings in mm or °.
         inputs: What the effects depend on, by name: positions, directions, temperatures,
             runs. Each effect says which names it needs.
-        weight: Known relative weights (1/variance ratio) > 0, None for equal ones.
     """
 
     value: Float[np.ndarray, " t"]
     inputs: Mapping[str, np.ndarray]
-    weight: Float[np.ndarray, " t"] | None = None
 
     @cached_property
     def designs(self) -> dict[Any, tuple[np.ndarray, np.ndarray]]:
-        """Rows of each effect that was asked for them."""
-        return {}
-
-    @cached_property
-    def matrices(self) -> dict[Any, Any]:
-        """Rows of each stack that was asked for them, as a matrix."""
+        """Rows that an effect keeps, since others ask for the same."""
         return {}
 
     def __len__(self) -> int:
@@ -43,8 +36,7 @@ class Readings:
     def take(self, rows: Rows) -> "Readings":
         """Return the readings of a slice, a mask or row numbers."""
         inputs = {name: array[rows] for name, array in self.inputs.items()}
-        weight = None if self.weight is None else self.weight[rows]
-        return Readings(self.value[rows], inputs, weight)
+        return Readings(self.value[rows], inputs)
 
 
 def filled(
@@ -58,8 +50,3 @@ def filled(
     length = max(least, 1 << max(len(rows) - 1, 0).bit_length())
     fill = np.repeat(rows[-1:], length - len(rows), axis=0)
     return np.concatenate([rows, fill]) if len(fill) else rows
-
-
-def padded(arrays: Mapping[str, np.ndarray], least: int = 64) -> dict[str, np.ndarray]:
-    """Return arrays as `filled`, by their names."""
-    return {name: filled(array, least) for name, array in arrays.items()}

@@ -26,6 +26,8 @@ SINGULAR = 1e-9
 """Size of a combination of scaled columns, in that of the largest, from which on it is 0."""
 _EXACT = 1e-6
 """Smallest scatter relative to the spread of the readings."""
+_THIN = 20_000
+"""Readings that tell their spread."""
 _BELIEF = 2.0
 """Readings that a scatter known beforehand counts for."""
 
@@ -67,23 +69,21 @@ def regress(
     target: Float[np.ndarray, " t"],
     *,
     time: Float[np.ndarray, " t"] | None = None,
-    weight: Float[np.ndarray, " t"] | None = None,
     loss: str = "student",
     noise: float | None = None,
 ) -> Regression:
     r"""Return the factors of columns that explain readings.
 
-    M-estimate through pseudo-readings; covariance $A^{-1} X^T W \Sigma W X A^{-1}$ with
-    $A = X^T W X$ and the $\Sigma$ of `DriftNoise`, fitted to the pseudo-residuals. The estimate
+    M-estimate through pseudo-readings; covariance $A^{-1} X^T \Sigma X A^{-1}$ with
+    $A = X^T X$ and the $\Sigma$ of `DriftNoise`, fitted to the pseudo-residuals. The estimate
     itself does not lean on the drift model, only its standard deviation does.
 
     Args:
         columns: Known functions per reading.
         target: Readings.
         time: Of each reading; None = in the order of the rows, one per unit.
-        weight: Known relative weights (1/variance ratio), or None.
         loss: ``"student"``, ``"huber"``, ``"trim"`` or ``"gauss"``.
-        noise: Scatter of a reading of weight 1 as it is known beforehand, of readings that are
+        noise: Scatter of a reading as it is known beforehand, of readings that are
             independent: counts as two readings, lets as many unknowns be fitted as there are
             readings, and columns that cannot be separated are undetermined, not refused.
 
@@ -91,25 +91,23 @@ def regress(
         FitError: If the columns cannot be separated or there are too few readings.
     """
     count, size = columns.shape
-    relative = np.ones(count) if weight is None else np.asarray(weight, float)
-    root = np.sqrt(relative)
-    scale = np.sqrt(np.square(columns * root[:, None]).sum(axis=0))
+    scale = np.sqrt(np.square(columns).sum(axis=0))
     scale = np.where(scale > 0, scale, 1.0)
     design = columns / scale
     if noise is None and count <= size:
         msg = f"{count} readings for {size} unknowns, expected more than {size}."
         raise FitError(msg)
     # In an orthonormal basis of the columns the information is a unit matrix.
-    basis, null = _spectrum(design * root[:, None])
+    basis, null = _spectrum(design)
     if noise is None and null.shape[1]:
         msg = "the readings cannot tell the columns apart."
         raise FitError(msg)
     size = basis.shape[1]
-    reduced, floor = design @ basis, least_scale(target, noise)
-    start = _least_magnitudes(reduced * root[:, None], target * root, loss)
-    fit = estimate_columns(reduced, target, loss, floor, weight, start)
+    reduced, floor = design @ basis, max(least_scale(target), 0.1 * (noise or 0.0))
+    start = _least_magnitudes(reduced, target, loss)
+    fit = estimate_columns(reduced, target, loss, floor, start)
     residual = target - reduced @ fit.centre
-    ratio = residual * root / fit.loss.scale
+    ratio = residual / fit.loss.scale
     wild = fit.loss.wild(ratio)
     rows = ~wild
     if wild.any() and int(rows.sum()) <= size:
@@ -117,23 +115,23 @@ def regress(
         raise FitError(msg)
     pseudo = (fit.loss.share(ratio) * residual / fit.posterior.problem.gain)[rows]
     clock = np.arange(count, dtype=float) if time is None else np.asarray(time)
-    clock, weights, active = clock[rows], relative[rows], design[rows]
-    span, kernel = _spectrum(np.sqrt(weights)[:, None] * active)
+    clock, active = clock[rows], design[rows]
+    span, kernel = _spectrum(active)
     undetermined = (np.abs(kernel) > SINGULAR**0.5).any(axis=1)
     # The likelihood needs as many columns as the readings see.
     spanning = active @ span
     free = float(rows.sum() - spanning.shape[1])
     if noise is None:
-        drifting = find_drift(clock, spanning, pseudo, weights)
+        drifting = find_drift(clock, spanning, pseudo)
     else:
-        square = float((weights * pseudo**2).sum()) / max(free, 1.0)
+        square = float(pseudo @ pseudo) / max(free, 1.0)
         if square < noise**2:
             # Known beforehand: counts as a few readings. A larger scatter has other reasons.
             square = (free * square + _BELIEF * noise**2) / (free + _BELIEF)
             free += _BELIEF
         drifting = DriftNoise(float(np.sqrt(square)))
     inverse = span @ span.T
-    scatter = scatter_of_sums(drifting, clock, active, weights)
+    scatter = scatter_of_sums(drifting, clock, active)
     covariance = inverse @ scatter @ inverse / np.outer(scale, scale)
     plain = (drifting.white**2 + drifting.drift**2) * np.diag(inverse) / scale**2
     inflation = np.diag(covariance) / np.maximum(plain, 1e-300)
@@ -161,13 +159,12 @@ def estimate_columns(
     target: Float[np.ndarray, " t"],
     loss: str,
     floor: float,
-    weight: Float[np.ndarray, " t"] | None = None,
     start: Float[np.ndarray, " k"] | None = None,
 ) -> Estimate:
     """Return the fit of columns without a prior; arguments as of `regress` and `estimate`."""
     size = columns.shape[1]
     stack = Stack((ColumnsEffect(NoPrior(size), size, _RIDGE),), banded=False)
-    over, none = memory(stack, Readings(target, {}, weight), columns), np.zeros(0)
+    over, none = memory(stack, Readings(target, {}), columns), np.zeros(0)
     return estimate(
         stack, over, loss=loss, weights=lambda _: none, floor=floor, start=start
     )
@@ -203,10 +200,11 @@ def _least_magnitudes(
     return np.asarray(value)
 
 
-def least_scale(target: Float[np.ndarray, " t"], noise: float | None = None) -> float:
+def least_scale(target: Float[np.ndarray, " t"]) -> float:
     """Return the smallest scale of residuals to believe in."""
+    target = target[:: max(1, len(target) // _THIN)]
     spread = float(np.ptp(np.quantile(target, (0.05, 0.95))))
-    floor = max(_EXACT * spread, 1e-12, 0.1 * (noise or 0.0))
+    floor = max(_EXACT * spread, 1e-12)
     different = np.unique(target)
     if 1 < len(different) < 0.3 * len(target):
         # A coarse instrument repeats itself; that is no proof of its accuracy.

@@ -10,7 +10,6 @@ from functools import cached_property
 from typing import final
 
 import numpy as np
-import scipy.sparse as sp
 from jaxtyping import Float
 
 from ._errors import NOT_DETERMINED, FitError
@@ -19,7 +18,7 @@ from ._factor import ArrowFactor
 from ._loss import FREEDOMS, LOSSES, WILD, Loss, choose_loss
 from ._posterior import Posterior, Problem
 from ._readings import Readings
-from ._stack import Matrix, Stack, compact
+from ._stack import Matrix, Stack
 from ._sums import Sums, loop_axes, sums_of
 
 _PASSES, _SEARCHES = 60, 6
@@ -68,7 +67,6 @@ class Estimate:
         about: Estimate about which that pass was.
         converged: Whether nothing moved any more.
         stated: Whether the weights of the prior were given, and not found by evidence.
-        times: Of so many readings in the sums one tells something of its own.
     """
 
     posterior: Posterior
@@ -76,7 +74,6 @@ class Estimate:
     about: Vector
     converged: bool
     stated: bool = False
-    times: float = 1.0
 
     @property
     def values(self) -> Vector:
@@ -95,14 +92,15 @@ class Estimate:
 
     @property
     def noise(self) -> float:
-        """Standard deviation of a reading of weight 1, wild readings left out."""
+        """Standard deviation of a reading, wild readings left out."""
+        times = self.posterior.problem.times
         if self.follows:
-            return float(np.sqrt(self.scatter[0]))
+            return float(np.sqrt(self.scatter[0] / times))
         count, _, _, square, good = self.posterior.problem.sums.tally
-        free = count - self.posterior.used
         if self.loss == Loss():
-            return float(np.sqrt(self.posterior.residual_square / max(free, 1e-9)))
-        return float(np.sqrt(square / max(free * good / max(count, 1.0), 1e-9)))
+            square, good = self.posterior.residual_square, count
+        free = self._spare * times * good / max(count, 1.0)
+        return float(np.sqrt(square / max(free, 1e-9)))
 
     @property
     def _spare(self) -> float:
@@ -117,7 +115,7 @@ class Estimate:
 
     @cached_property
     def scatter(self) -> tuple[float, float]:
-        """Variance of a pseudo-reading of weight 1, and its degrees of freedom.
+        """Variance of a pseudo-reading, and its degrees of freedom.
 
         Stated weights say nothing about the noise: it is taken from the residuals, or, where
         those say nothing either, from the weights that the evidence would have.
@@ -150,16 +148,16 @@ class Estimate:
         Raises:
             FitError: If so few readings determine nothing.
         """
-        post, stated = self.posterior, self.stated
-        problem = post.problem.alike(times)
-        fewer = problem.at(post.weights / times) if stated else choose_weights(problem)
+        post = self.posterior
+        problem = dataclasses.replace(post.problem, times=times * post.problem.times)
+        fewer = problem.at(post.weights) if self.stated else choose_weights(problem)
         if fewer is None:
             raise FitError(NOT_DETERMINED)
-        return dataclasses.replace(self, posterior=fewer, times=self.times * times)
+        return dataclasses.replace(self, posterior=fewer)
 
     def message(self, count: int) -> str:
         """Return one sentence or more on how the fit of so many readings went."""
-        wild = count - round(self.times * self.posterior.problem.count)
+        wild = count - round(float(self.posterior.problem.sums.tally[0]))
         used = f"{count} readings, {self.posterior.used:.1f} effective parameters."
         rejected = f"{wild} wild readings were left out." if wild > 0 else ""
         care = "The iterations did not settle; treat the result with care."
@@ -170,12 +168,11 @@ class Estimate:
 
 def memory(stack: Stack, readings: Readings, columns: Matrix | None = None) -> Pass:
     """Return the pass over readings in memory; their design is made once, or known before."""
-    design = compact(columns) if isinstance(columns, sp.csr_array) else columns
-    if design is None and loop_axes(stack, readings) is None:
-        design = stack.matrix(readings)
+    if columns is None and loop_axes(stack, readings) is None:
+        columns = stack.matrix(readings)
 
     def over(theta: Vector, loss: Loss, former: Sums | None) -> Sums:
-        return sums_of(stack, readings, theta, loss, former, design)[0]
+        return sums_of(stack, readings, theta, loss, former, columns)[0]
 
     return over
 
@@ -302,8 +299,7 @@ class _Passes:
                 active = float(sums.tally[0])
             factor = None if full else post.factor
             gain = max(float(sums.tally[1] / max(sums.tally[0], 1.0)), 0.1)
-            problem_of = self._problem if full else post.problem.again
-            problem = problem_of(sums, about, gain)
+            problem = self._problem(sums, about, gain)
             weights = post.weights if self.fixed is None else self.fixed(problem)
             post = self._solved(problem, weights, factor)
             trail = [*trail[-1:], (about, post.values - about)]
@@ -345,7 +341,7 @@ class _Passes:
             return self.fixed(problem)
         plenty = problem.count >= _PLENTY * self.stack.size
         second = problem.density * (1e-2 if plenty else 1.0)
-        return np.where(problem.optional, 0.0, second)
+        return np.where(problem.stack.optional, 0.0, second)
 
     def _solved(
         self, problem: Problem, weights: Vector, factor: ArrowFactor | None = None

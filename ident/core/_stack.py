@@ -6,19 +6,57 @@ from typing import Any, final
 
 import numpy as np
 import scipy.sparse as sp
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
-from ._effect import KEPT, AbstractEffect, Design, TableEffect, design_of
-from ._prior import AbstractPrior, Penalty
+from ._effect import AbstractEffect, Design, TableEffect
+from ._prior import AbstractPrior
 from ._readings import Readings
 
 Matrix = Any
 """A design, one row per reading and one column per unknown: whole or sparse (`sp.csr_array`)."""
 
-SMALL = 128
-"""Unknowns up to which a stack without a band is penalised by whole matrices."""
-_WHOLE = 1 << 17
-"""Elements up to which a design is kept with all its zeros: faster than without them."""
+
+@final
+@dataclasses.dataclass(frozen=True, eq=False)
+class Term:
+    """One term of the prior of a stack, $K = D^T D$, over all its unknowns.
+
+    Attributes:
+        rows: D.
+        gram: K.
+        row: Of the lower elements of K.
+        column: Likewise.
+        data: The elements.
+        border: Whether its effect stands in the border.
+    """
+
+    rows: sp.csr_array
+    gram: sp.csr_array
+    row: Int[np.ndarray, " e"]
+    column: Int[np.ndarray, " e"]
+    data: Float[np.ndarray, " e"]
+    border: bool
+
+    @classmethod
+    def of(cls, rows: sp.csr_array, start: int, size: int, border: bool) -> "Term":
+        """Return the term of rows over the unknowns from one on, of so many in all."""
+        entries = rows.data, rows.indices + start, rows.indptr
+        whole = sp.csr_array(entries, shape=(len(rows.indptr) - 1, size))
+        gram = sp.csr_array(whole.T @ whole)
+        lower = sp.coo_array(sp.tril(gram))
+        keep = lower.data != 0.0
+        row, column = (index[keep].astype(np.int64) for index in lower.coords)
+        return cls(whole, gram, row, column, lower.data[keep], border)
+
+    @cached_property
+    def doubled(self) -> Float[np.ndarray, " e"]:
+        """Elements counted for both triangles."""
+        return np.where(self.row == self.column, self.data, 2.0 * self.data)
+
+    @cached_property
+    def distances(self) -> frozenset[int]:
+        """Of the elements from the diagonal."""
+        return frozenset(np.unique(self.row - self.column).tolist())
 
 
 @final
@@ -77,33 +115,13 @@ class Stack:
         return tuple(result)
 
     @cached_property
-    def terms(self) -> "tuple[Term, ...]":
+    def terms(self) -> tuple[Term, ...]:
         """Terms of the prior, in the order of the weights."""
         return tuple(
-            Term(penalty, here, here.start - self.band)
+            Term.of(rows, here.start, self.size, here.start >= self.band)
             for prior, here, _ in self.priors
-            for penalty in prior.penalties
+            for rows in prior.rows
         )
-
-    @cached_property
-    def small(self) -> bool:
-        """Whether all unknowns together are few, and none of them form a band."""
-        return not self.band and self.size <= SMALL
-
-    @cached_property
-    def rows(self) -> Float[np.ndarray, "k r u"]:
-        """Rows of each term over all unknowns of a small stack, filled up with zeros."""
-        dense = [term.penalty.whole for term in self.terms]
-        widest = max((len(rows) for rows in dense), default=0)
-        result = np.zeros((len(dense), widest, self.size))
-        for block, rows, term in zip(result, dense, self.terms, strict=True):
-            block[: len(rows), term.here] = rows
-        return result
-
-    @cached_property
-    def grams(self) -> Float[np.ndarray, "k u u"]:
-        """Matrix of each term over all unknowns of a small stack."""
-        return np.asarray(self.rows.transpose(0, 2, 1) @ self.rows)
 
     @cached_property
     def optional(self) -> Bool[np.ndarray, " k"]:
@@ -117,51 +135,14 @@ class Stack:
 
     def design(self, readings: Readings) -> Design:
         """Return the rows of all effects side by side."""
-        designs = (design_of(effect, readings) for effect in self.effects)
+        designs = (effect.design(readings) for effect in self.effects)
         nodes, shares = zip(*designs, strict=True)
         placed = zip(nodes, self.starts, strict=False)
         return np.hstack([node + start for node, start in placed]), np.hstack(shares)
 
-    def matrix(self, readings: Readings) -> Matrix:
-        """Return the rows of all effects side by side as a matrix, kept as those are."""
-        cache = readings.matrices if len(readings) <= KEPT else {}
-        if self not in cache:
-            nodes, shares = self.design(readings)
-            count, width = shares.shape
-            if count * self.size <= _WHOLE:
-                place = nodes + self.size * np.arange(count)[:, None]
-                flat = np.bincount(place.ravel(), shares.ravel(), count * self.size)
-                cache[self] = flat.reshape(count, self.size)
-            else:
-                ends = np.arange(count + 1) * width
-                entries = (shares.reshape(-1), nodes.reshape(-1), ends)
-                cache[self] = sp.csr_array(entries, shape=(count, self.size))
-        return cache[self]
-
-
-def compact(design: sp.csr_array) -> Matrix:
-    """Return a design with all its zeros where it is small."""
-    if np.prod(np.asarray(design.shape)) > _WHOLE:
-        return design
-    return np.asarray(design.toarray())
-
-
-@final
-@dataclasses.dataclass(frozen=True, eq=False)
-class Term:
-    """A penalty at its place among all unknowns.
-
-    Attributes:
-        penalty: Over the unknowns of its effect.
-        here: These unknowns.
-        shift: First of them counted from the border; negative in the band.
-    """
-
-    penalty: Penalty
-    here: slice
-    shift: int
-
-    @property
-    def border(self) -> bool:
-        """Whether its effect stands in the border."""
-        return self.shift >= 0
+    def matrix(self, readings: Readings) -> sp.csr_array:
+        """Return the rows of all effects side by side as a matrix."""
+        nodes, shares = self.design(readings)
+        count, width = shares.shape
+        entries = shares.reshape(-1), nodes.reshape(-1), np.arange(count + 1) * width
+        return sp.csr_array(entries, shape=(count, self.size))

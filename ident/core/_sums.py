@@ -25,9 +25,10 @@ from ._threads import cores
 
 MANY = 100_000
 """From this many readings on, compiled loops pay for loading the compiler."""
-_SHIFT = 45
+_SHIFT, _SIZE = 45, (1 << 18) - 1
 _FIRST, _BINS = (1023 - 60) << 7, 80 << 7
-"""Residuals are counted by the leading bits of a float: 128 bins per octave, 80 octaves."""
+"""Residuals are counted by the leading bits of a float, the sign taken off: 128 bins per octave, 80
+octaves."""
 _ROUNDING = 4.0 * float(np.finfo(np.float64).eps)
 """Slack of a node, as in `axcomp.models.EquidistantNodes`."""
 
@@ -39,16 +40,16 @@ Axes = tuple[tuple[float, ...], ...]
 @final
 @dataclasses.dataclass(frozen=True, eq=False)
 class Sums:
-    """Sums over readings about a current estimate θ.
+    """Sums over readings about a current estimate θ; W is 1 for those that count, else 0.
 
     Attributes:
         stack: Effects.
         diagonals: $A^T W A$ of the band: ``[j, s]`` is element ``(j + offsets[s], j)``.
         cross: $A^T W A$ of the border with the band.
         border: $A^T W A$ of the border.
-        right: $A^T W ψ$ of the residuals.
-        tally: Readings that count, Σψ', ΣWψ²; ΣWr² and number of those that are not wild.
-        histogram: Number of residuals × √weight by size.
+        right: $A^T ψ$ of the residuals.
+        tally: Readings that count, Σψ', Σψ²; Σr² and number of those that are not wild.
+        histogram: Number of residuals by size.
         support: Readings that touch each unknown with a share above 0.
     """
 
@@ -77,27 +78,9 @@ class Sums:
         )
 
     def __add__(self, other: "Sums") -> "Sums":
-        return Sums(
-            self.stack,
-            self.diagonals + other.diagonals,
-            self.cross + other.cross,
-            self.border + other.border,
-            self.right + other.right,
-            self.tally + other.tally,
-            self.histogram + other.histogram,
-            self.support + other.support,
-        )
-
-    def alike(self, times: float) -> "Sums":
-        """Return these sums as if only one reading in so many told something of its own."""
-        return dataclasses.replace(
-            self,
-            diagonals=self.diagonals / times,
-            cross=self.cross / times,
-            border=self.border / times,
-            right=self.right / times,
-            tally=self.tally / times,
-        )
+        names = [field.name for field in dataclasses.fields(self)[1:]]
+        sums = (getattr(self, name) + getattr(other, name) for name in names)
+        return Sums(self.stack, *sums)
 
     def with_matrix(self, other: "Sums") -> "Sums":
         """Return these sums with the matrix and the support of others."""
@@ -185,7 +168,7 @@ class Sums:
 
     @property
     def sizes(self) -> tuple[Float[np.ndarray, " k"], Int[np.ndarray, " k"]]:
-        """Sizes of residuals × √weight, ascending, and how many there are of each."""
+        """Sizes of residuals, ascending, and how many there are of each."""
         # Of truth values NumPy finds the few that are set six times as fast.
         (bins,) = (self.histogram != 0).nonzero()
         bits = ((bins + _FIRST).astype(np.int64) << _SHIFT) + (1 << (_SHIFT - 1))
@@ -194,9 +177,9 @@ class Sums:
 
 def _binned(residual: Float[np.ndarray, " t"]) -> Int[np.ndarray, " b"]:
     """Count residuals by size: the leading bits of a float are its logarithm, piecewise."""
-    place = (np.abs(residual).view(np.int64) >> _SHIFT) - _FIRST
-    bins = np.minimum(np.maximum(place, 0), _BINS - 1)
-    return np.bincount(bins, minlength=_BINS)
+    place = (residual.view(np.int64) >> _SHIFT) & _SIZE
+    place -= _FIRST
+    return np.bincount(np.clip(place, 0, _BINS - 1, out=place), minlength=_BINS)
 
 
 def sums_of(
@@ -207,7 +190,7 @@ def sums_of(
     former: Sums | None = None,
     design: Matrix | None = None,
 ) -> tuple[Sums, Float[np.ndarray, " t"]]:
-    """Return the sums of readings about θ, and residuals × √weight.
+    """Return the sums of readings about θ, and residuals.
 
     Args:
         stack: Effects.
@@ -250,28 +233,25 @@ def _by_matrix(
     former: Sums | None,
     design: Matrix,
 ) -> tuple[Sums, Float[np.ndarray, " t"]]:
-    weight = 1.0 if readings.weight is None else readings.weight
-    difference = readings.value - design @ theta
-    residual = difference * np.sqrt(weight)
+    residual = readings.value - design @ theta
     ratio = residual / loss.scale
     active, good = ~loss.wild(ratio), np.abs(ratio) <= loss.wild_from
     share, slope = loss.influence(ratio)
-    psi = share * difference
-    weighted = weight * psi
+    psi = share * residual
     tally = [
         np.count_nonzero(active),
         slope.sum(),
-        weighted @ psi,
+        psi @ psi,
         np.square(residual).sum(where=good),
         np.count_nonzero(good),
     ]
-    right, sizes = design.T @ weighted, _binned(residual)
+    right, sizes = design.T @ psi, _binned(residual)
     vectors = {"right": right, "tally": np.array(tally, float), "histogram": sizes}
     if former is not None:
         return dataclasses.replace(former, **vectors), residual
     touching = design.astype(bool).astype(float)
     support = (touching.T @ active.astype(float)).astype(np.int64)
-    matrix = _products(stack, design, active * weight)
+    matrix = _products(stack, design, active.astype(float))
     return Sums(stack, *matrix, **vectors, support=support), residual
 
 
@@ -314,7 +294,7 @@ def _by_loop(
     residual: Float[np.ndarray, " t"],
 ) -> Sums:
     """Return the sums over a plane by the compiled loop, which fills in the residuals."""
-    from ._kernel import add_plane, count_sizes
+    from ._kernel import add_plane
 
     table, sums = stack.table, Sums.empty(stack)
     assert table is not None
@@ -325,17 +305,15 @@ def _by_loop(
     corners = (0, 1, fast, fast + 1)
     pairs = [(a, b) for a in range(4) for b in range(a + 1)]
     record = np.zeros((stack.band, len(pairs)))
-    weight = np.zeros(0) if readings.weight is None else readings.weight
     add_plane(
-        along, across, readings.value, weight, axes, theta, loss.numbers,
+        along, across, readings.value, axes, theta, loss.numbers,
         full, record, sums.right, sums.tally, sums.support, residual,
     )  # fmt: skip
     for place, (a, b) in enumerate(pairs):
         low, high = corners[b], corners[a]
         slot = stack.offsets.index(high - low)
         sums.diagonals[low:, slot] += record[: stack.band - low, place]
-    count_sizes(residual.view(np.int64), _SHIFT, _FIRST, sums.histogram)
-    return sums
+    return dataclasses.replace(sums, histogram=_binned(residual))
 
 
 def loop_axes(stack: Stack, readings: Readings) -> Axes | None:

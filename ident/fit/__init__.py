@@ -20,7 +20,6 @@ from ._inequalities import (
 )
 from ._predict import (
     as_alike as as_alike,
-    deviations as deviations,
     leave_out as leave_out,
     mean_row as mean_row,
     predict as predict,

@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float
 
-from ..core import FitError, design_of
+from ..core import FitError
 from ._types import Array, Samples, TableFit
 
 Constraint = Literal["monotone", "non-negative"]
@@ -98,7 +98,7 @@ class Inequalities:
     def keep(self, fit: TableFit, samples: Samples) -> TableFit:
         """Return `most_probable` with the residuals of its samples; its folds keep them as well."""
         best, table = self.most_probable(fit), fit.layout.effect
-        nodes, shares = design_of(table, samples.readings)
+        nodes, shares = table.design(samples.readings)
         change = table.to_values(best.values - fit.values)[nodes] * shares
         residual = fit.residual - change.sum(axis=1)
         return dataclasses.replace(best, residual=residual, keeps=self.most_probable)

@@ -1,7 +1,7 @@
 """What a fitted table says elsewhere, and what it says without some of its readings."""
 
 import dataclasses
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import jax.numpy as jnp
 import numpy as np
@@ -10,7 +10,7 @@ from jaxtyping import Float, Int
 from ..core import (
     FitError,
     GroupEffect,
-    design_of,
+    axis_nodes,
     filled,
     leave_one_out,
     one_blas_thread,
@@ -94,21 +94,6 @@ def zeroed(fit: TableFit, row: Float[np.ndarray, " n"]) -> TableFit:
     )
 
 
-def deviations(
-    fits: Sequence[TableFit], which: Int[np.ndarray, " t"], samples: Samples
-) -> Float[np.ndarray, " t"]:
-    """Return the standard deviation of one of several tables at each reading, in mm or °.
-
-    They are of one layout and smoothness; ``which`` says the table of each reading.
-    """
-    nodes, shares = design_of(fits[0].layout.effect, samples.readings)
-    variance = np.zeros(len(which))
-    for number, fit in enumerate(fits):
-        here = which == number
-        variance[here] = fit.covariance.variance(nodes[here], shares[here])
-    return np.sqrt(variance)
-
-
 def leave_out(
     fit: TableFit, samples: Samples, groups: Int[np.ndarray, " t"]
 ) -> Iterator[tuple[int, TableFit]]:
@@ -149,13 +134,12 @@ def as_alike(fit: TableFit, samples: Samples, times: float) -> TableFit:
         told = result_of(fit.layout, estimate, fit.loss, count=len(fit.wild), runs=runs)
         stack = estimate.posterior.problem.stack
         residual = residual_of(stack, samples.readings, estimate.values)
-    names = told.smoothness.items()
     return dataclasses.replace(
         fit,
         values=told.values,
         standard_deviation=np.maximum(told.standard_deviation, fit.standard_deviation),
         noise=told.noise,
-        smoothness={name: times * weight for name, weight in names},
+        smoothness=told.smoothness,
         residual=residual,
         runs=told.runs,
         covariance=told.covariance,
@@ -172,8 +156,8 @@ def spatial_blocks(
     left out is bridged from around it and not extrapolated.
     """
     blocks, size = np.zeros(len(samples.error), np.int64), 1
-    for column, nodes in enumerate(layout.effect.axes):
-        cells = max(nodes.count - 1, 1)
+    for column, line in enumerate(layout.nodes):
+        nodes, cells = axis_nodes(line), max(len(line) - 1, 1)
         place = filled(np.asarray(samples.positions[:, column], float), 64)
         cell = np.asarray(nodes.locate(jnp.asarray(place))[0])[: len(blocks)]
         per_axis = min(cells, 4 * count)

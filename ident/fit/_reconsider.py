@@ -82,7 +82,7 @@ def reconsidered(
     stack: Stack,
     readings: Readings,
     estimate: Estimate,
-    refit: Callable[[Estimate], Estimate],
+    refit: Callable[..., Estimate],
 ) -> Estimate:
     """Return the estimate, or one that believes readings which agree with each other.
 
@@ -97,7 +97,7 @@ def reconsidered(
     light = post.weights if estimate.stated else _LIGHT * post.problem.density
     light = np.where(post.weights > 0.0, light, 0.0)
     rough = dataclasses.replace(post, weights=light)
-    rival = refit(dataclasses.replace(near, posterior=rough))
+    rival = refit(near=dataclasses.replace(near, posterior=rough))
 
     def judged(candidate: Estimate) -> tuple[np.ndarray, ...]:
         """Return residuals, nodes that lost most of theirs, what is wild, and about these nodes."""

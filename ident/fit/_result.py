@@ -18,7 +18,6 @@ from ..core import (
     Readings,
     Stack,
     Sums,
-    design_of,
     sums_of,
 )
 from ._types import RunEffect, Samples, TableFit, TableLayout
@@ -81,7 +80,7 @@ class Judged:
 
 def nearest_nodes(stack: Stack, readings: Readings) -> Int[np.ndarray, " t"]:
     """Return the unknown of the table that each reading has the largest share in."""
-    nodes, shares = design_of(stack.effects[0], readings)
+    nodes, shares = stack.effects[0].design(readings)
     return np.asarray(nodes[np.arange(len(nodes)), shares.argmax(axis=1)])
 
 
@@ -184,12 +183,13 @@ def _run_effects(
     effect = stack.effects[-1]
     if not isinstance(effect, GroupEffect):
         return ()
-    values = effect.by_group(post.values[stack.here(-1)])
-    border = slice(stack.here(-1).start - stack.band, None)
+    by_group, border = effect.by_group, slice(stack.here(-1).start - stack.band, None)
     inverse = post.factor.border_inverse[border, border]
+    values = by_group @ post.values[stack.here(-1)]
+    deviations = np.sqrt(variance * (by_group @ inverse * by_group).sum(axis=1))
     rows = np.zeros((4, len(effect.present)))
-    rows[: 2 * effect.parts : 2] = values
-    rows[1 : 2 * effect.parts : 2] = np.sqrt(variance * effect.variances(inverse))
+    rows[: 2 * effect.parts : 2] = values.reshape(effect.parts, -1)
+    rows[1 : 2 * effect.parts : 2] = deviations.reshape(effect.parts, -1)
     columns = rows[:, effect.present].T.tolist()
     return tuple(RunEffect(run, *row) for run, row in zip(runs, columns, strict=True))
 

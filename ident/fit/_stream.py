@@ -16,17 +16,26 @@ from typing import Any, final
 import numpy as np
 from jaxtyping import Float, Int
 
-from ..core import FitError, Loss, Stack, Sums, leave_one_out, one_blas_thread, sums_of
+from ..core import (
+    FitError,
+    Loss,
+    Stack,
+    Sums,
+    estimate,
+    least_scale,
+    leave_one_out,
+    one_blas_thread,
+    sums_of,
+)
 from ._reconsider import crowded
 from ._result import Judged, fold_of, none_left_out, result_of
-from ._table import TOO_MANY, estimate_table
+from ._table import TOO_MANY, fixed_weights, level_of
 from ._types import (
     Extent,
     Samples,
     Smoothness,
     TableFit,
     TableLayout,
-    check_smoothness,
 )
 
 Part = Callable[[], Iterable[Samples]]
@@ -82,8 +91,8 @@ class StreamedFit:
         """By group, the table fitted to all readings but those of the group."""
         estimate = self.fit.estimate
         assert estimate is not None
-        groups = {k: sums.alike(estimate.times) for k, sums in self.groups.items()}
         with one_blas_thread():
+            groups = self.groups
             posteriors = leave_one_out(estimate, groups, {}, {}) if groups else {}
         return {label: fold_of(self.fit, post) for label, post in posteriors.items()}
 
@@ -122,7 +131,7 @@ def fit_streamed(
             readings are of one group.
     """
     layout.check()
-    check_smoothness(smoothness)
+    weights = fixed_weights(smoothness)
     pieces = (piece.error for part in parts for piece in part())
     first = next((error for error in pieces if len(error)), np.zeros(1))
     stack, passes = Stack((layout.effect,)), itertools.count()
@@ -146,7 +155,14 @@ def fit_streamed(
                 firsts.append(sums)
             return sums.total if former is None else sums.total.with_matrix(former)
 
-        fitted = estimate_table(stack, over, first, smoothness, loss)
+        fitted = estimate(
+            stack,
+            over,
+            loss=loss,
+            weights=weights,
+            floor=least_scale(first),
+            start=np.full(stack.size, level_of(first)),
+        )
         last = firsts[0]
         count = int(last.extent.counts.sum())
         nodes, crowds = None, 0

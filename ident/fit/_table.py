@@ -12,11 +12,9 @@ from scipy.ndimage import maximum, median
 
 from ..core import (
     NOT_DETERMINED,
-    Estimate,
     FitError,
     GroupEffect,
     Loss,
-    Pass,
     Problem,
     Stack,
     TableEffect,
@@ -47,14 +45,11 @@ from ._types import (
     Smoothness,
     TableFit,
     TableLayout,
-    check_smoothness,
 )
 
 RunEffects = Literal["none", "offset", "drift"]
 """What every run has of its own; they need runs, and a drift needs places within them."""
 
-_THIN = 20_000
-"""Readings that tell their spread."""
 _DENSE = 60
 """Unknowns of a table up to which dense algebra is faster than a band."""
 _FIRST = 9
@@ -98,7 +93,6 @@ def fit_table(
     """
     layout.check()
     extent = Extent.of(layout, samples)
-    check_smoothness(smoothness)
     fit_to = _InMemory(layout, samples, smoothness, run_effects, allow_gaps)
     extent.check(layout, fit_to.stack(()).free, allow_gaps)
     with one_blas_thread():
@@ -166,46 +160,9 @@ def fit_values(
     return layout.effect.to_table(values)
 
 
-def estimate_table(
-    stack: Stack,
-    over: Pass,
-    first: Float[np.ndarray, " t"],
-    smoothness: Smoothness,
-    loss: str,
-    start: Vector | None = None,
-    near: Estimate | None = None,
-    step: float = 0.0,
-) -> Estimate:
-    """Return the estimate of a stack whose first effect is a table.
-
-    It begins ``near`` another estimate, at unknowns to ``start`` with, or else at the level of
-    the first readings. These tell the smallest scatter to believe in, and so does a ``step`` of the
-    instrument in mm or °: a reading that is off by one is none that is wild. Other arguments are
-    those of `estimate` and `fit_table`.
-
-    Raises:
-        FitError: If the readings do not determine the unknowns or the loss is unknown.
-    """
-    if start is None:
-        start = np.full(stack.size, _level(first))
-    return estimate(
-        stack,
-        over,
-        loss=loss,
-        weights=fixed_weights(smoothness),
-        floor=max(floor_of(first), step),
-        start=start,
-        near=near,
-    )
-
-
-def _level(error: Float[np.ndarray, " t"]) -> float:
+def level_of(error: Float[np.ndarray, " t"]) -> float:
+    """Return about where readings lie, in mm or °: where a fit begins."""
     return float(np.median(error[:_FIRST]))
-
-
-def floor_of(error: Float[np.ndarray, " t"]) -> float:
-    """Return the smallest scatter of readings to believe in, in mm or °."""
-    return least_scale(error[:: max(1, len(error) // _THIN)])
 
 
 def fixed_weights(
@@ -215,13 +172,19 @@ def fixed_weights(
 
     Of each term, or of all second differences, without fourth ones. Second differences that are
     given none fill gaps.
+
+    Raises:
+        FitError: If it is no smoothness.
     """
-    if isinstance(smoothness, str):
+    if isinstance(smoothness, str) and smoothness == "auto":
         return None
     stated = smoothness
+    if isinstance(stated, str) or not np.all((stated >= 0.0) & (stated < np.inf)):
+        msg = f"smoothness: found {stated!r}, expected 'auto' or a number >= 0."
+        raise FitError(msg)
 
     def weights(problem: Problem) -> Vector:
-        second = np.where(problem.optional, 0.0, 1.0)
+        second = np.where(problem.stack.optional, 0.0, 1.0)
         asked = stated if isinstance(stated, np.ndarray) else second * stated
         return np.asarray(np.maximum(asked, second * FILL * problem.density))
 
@@ -272,20 +235,22 @@ class _InMemory:
         """Return the fit by one loss, some runs left out of the mean of all."""
         stack, readings = self.stack(far), self.samples.readings
         error, effect = readings.value, stack.effects[-1]
-        start = np.full(stack.size, _level(error))
+        start = np.full(stack.size, level_of(error))
         if isinstance(effect, GroupEffect):
             offset = self.medians(error) - start[0]
             runs = start[stack.here(-1)]
             runs[:] = 0.0
             runs[: effect.contrast.shape[1]] = effect.contrast.T @ offset
+        over, weights = memory(stack, readings), fixed_weights(self.smoothness)
+        # A reading that is off by a step of the instrument is none that is wild.
+        floor = max(least_scale(error), self.steps.size)
         fit_near = functools.partial(
-            estimate_table, stack, memory(stack, readings), error, self.smoothness, loss,
-            start, step=self.steps.size,
-        )  # fmt: skip
+            estimate, stack, over, loss=loss, weights=weights, floor=floor, start=start
+        )
         fitted = fit_near()
         if loss == "huber" and not fitted.converged:
             # Readings of a node that contradict all others pull evenly from any distance.
-            fitted = fit_near(at_medians(stack, readings, fitted))
+            fitted = fit_near(near=at_medians(stack, readings, fitted))
         judged = Judged.of(stack, readings, fitted.about, fitted.loss)
         if loss == "student" and crowded(judged.nodes).any():
             fitted = reconsidered(stack, readings, fitted, fit_near)

@@ -257,12 +257,3 @@ class TableFit:
             standard_deviation=np.sqrt(squares),
             covariance=dataclasses.replace(self.covariance, columns=columns),
         )
-
-
-def check_smoothness(smoothness: Smoothness) -> None:
-    """Refuse a smoothness that is none."""
-    if smoothness != "auto" and (
-        isinstance(smoothness, str) or not 0 <= smoothness < np.inf
-    ):
-        msg = f"smoothness: found {smoothness!r}, expected 'auto' or a number >= 0."
-        raise FitError(msg)

@@ -8,7 +8,7 @@ from jaxtyping import Float, Int
 
 from ...data.signals import travel_direction
 from ..exchange import LIST_UNITS, AbstractTable
-from ..fit import Samples, TableFit, deviations
+from ..fit import Samples, TableFit, predict
 
 _WHOLE, _FEWEST = 0.8, 2
 """Share of the travel that a pass goes over at least, and passes there and back that tell."""
@@ -63,7 +63,10 @@ def held_out(
     fold_of_reading = np.array(sorted(fits)).searchsorted(groups)
     offsets = table.offsets(to_integers(folds), samples.positions, samples.branch)
     offset = offsets[fold_of_reading, np.arange(len(before))]
-    spread = deviations(folds, fold_of_reading, samples)
+    spread = np.zeros(len(before))
+    for number, fold in enumerate(folds):
+        own = samples.take(fold_of_reading == number)
+        spread[fold_of_reading == number] = predict(fold, own.positions, own.branch)[1]
     noise = np.array([fold.noise**2 for fold in folds])
     of_run = _run_variance(folds, fold_of_reading, samples)
     rounding = 1 / (12 * LIST_UNITS**2)

@@ -14,10 +14,17 @@ from numpy.polynomial import legendre
 
 from ...models import AbstractNodes, GeometricErrors, VolumetricGrid
 from ...models._geometric import FUNCTIONS, SQUARENESS as ANGLES
-from ..core import AbstractEffect, AbstractPrior, NoPrior, Readings, Smooth, chain
+from ..core import (
+    AbstractEffect,
+    AbstractPrior,
+    NoPrior,
+    Readings,
+    Smooth,
+    chain,
+    filled,
+)
 from ..core._chain import Chain
 from ..core._effect import Design
-from ..core._readings import padded
 
 RUNS, ANGULAR, STRAIGHTNESS, POSITIONING, SQUARENESS, FRAME = range(6)
 """What may be moved between blocks leaves those that stand first."""
@@ -123,7 +130,7 @@ class Touched:
         """Return the numbers of the model that readings touch, and their shares."""
         if self not in readings.designs:
             names = ("position", "along", "tool")
-            given = padded({name: readings.inputs[name] for name in names})
+            given = {name: filled(readings.inputs[name], 64) for name in names}
             found = _stencil(self.model, given)
             nodes, shares = (np.array(each)[: len(readings)] for each in found)
             if isinstance(self.model, GeometricErrors):
@@ -268,15 +275,10 @@ class Lattice(AbstractPrior):
         each = [axis.eigenvalues(np.array([1.0, 0.0])) for axis in self.chains]
         return np.stack([own.ravel() for own in np.meshgrid(*each, indexing="ij")])
 
-    def logdet(
-        self, weights: Float[np.ndarray, " k"]
-    ) -> tuple[float, Float[np.ndarray, " k"]]:
+    def logdet(self, weights: Float[np.ndarray, " k"]) -> float:
         """See `AbstractPrior`."""
-        parts = weights[:, None] * self._sizes
-        total = parts.sum(axis=0)
-        some = total > 0.0
-        slopes = (parts[:, some] / total[some]).sum(axis=1)
-        return float(np.log(total[some]).sum()), slopes
+        total = weights @ self._sizes
+        return float(np.log(total[total > 0.0]).sum())
 
     @property
     def straight(self) -> Float[np.ndarray, "n z"]:

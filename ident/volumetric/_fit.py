@@ -17,10 +17,10 @@ from ..core import (
     FitError,
     Stack,
     estimate,
+    least_scale,
     memory,
     one_blas_thread,
 )
-from ..fit._table import floor_of
 from ..fit.joint._memory import beyond_white, drift_beside
 from ._blocks import FRAME_NAME, ZEROS_NAME, Block, zeros
 from ._effects import AbstractVolumetric
@@ -325,7 +325,7 @@ def fit_volumetric(
             stack,
             memory(stack, readings),
             loss=loss,
-            floor=floor_of(readings.value),
+            floor=least_scale(readings.value),
             pins=freedoms.pins,
         )
     return VolumetricFit(effect, points, blocks, left_out, stack, freedoms, found)

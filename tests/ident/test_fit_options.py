@@ -11,7 +11,6 @@ from axcomp.ident.fit import (
     FitError,
     Samples,
     TableLayout,
-    deviations,
     fit_table,
     predict,
     spatial_blocks,
@@ -176,25 +175,6 @@ def test_result_travels_through_process_pools() -> None:
     error = pickle.loads(pickle.dumps(caught.value))
     assert str(error) == str(caught.value)
     assert error.args == caught.value.args
-
-
-@pytest.mark.parametrize("planar", [False, True])
-def test_several_tables_asked_at_once_say_what_each_says_alone(planar: bool) -> None:
-    rng = np.random.default_rng(8)
-    nodes = np.linspace(0.0, 10.0, 6)
-    layout = TableLayout(nodes=(nodes, nodes) if planar else (nodes,))
-    positions = rng.uniform(0.0, 10.0, (120, len(layout.nodes)))
-    fits = [
-        fit_table(
-            layout, Samples(positions, rng.normal(size=120)), smoothness=smoothness
-        )
-        for smoothness in (0.1, 1.0, 10.0)
-    ]
-    which = rng.integers(0, 3, 120)
-    alone = np.array([predict(fit, positions)[1] for fit in fits])
-    samples = Samples(positions, np.zeros(120))
-    found = deviations(fits, which, samples)
-    assert np.array_equal(found, alone[which, np.arange(120)])
 
 
 def test_huber_leaves_wild_readings_out_of_the_noise() -> None:

@@ -15,13 +15,15 @@ from ...core import (
     FitError,
     Posterior,
     Readings,
+    Spread,
     estimate,
+    least_scale,
     memory,
     one_blas_thread,
 )
 from .._steps import Steps
-from .._table import fixed_weights, floor_of
-from .._types import RunEffect, check_smoothness
+from .._table import fixed_weights
+from .._types import RunEffect
 from ._design import Design, design_of
 from ._effect import TABLES, AbstractEffect, Rank
 from ._identified import Identified, identified
@@ -33,11 +35,10 @@ from ._lag import (
     lagging,
     sensed_variances,
 )
-from ._memory import Memory
+from ._memory import Memory, times
 
 Smoothness = str | float | Mapping[str, Mapping[str, float]]
 """``"auto"``, a number, or weights by name of the table."""
-Vector = Float[np.ndarray, " _n"]
 
 _SURE = 2.0
 """Deviations that a lag differs from none by, at least."""
@@ -124,18 +125,8 @@ class AxisFit:
     @one_blas_thread()
     def deviation(self) -> Float[np.ndarray, " n"]:
         """Standard deviation of each unknown; inf where it is confused."""
-        known = self.known
-
-        def under_rules(post: Posterior) -> tuple[Vector, Vector]:
-            return known.rules.project(post.values), known.variances(post)
-
-        white: Vector = np.asarray(self.estimate.spread(under_rules))
-        variance = self.memory.variances(white)
-        for sensor, lag in self.lags.items():
-            change = known.rules.project(lag.slope)
-            variance = variance + np.square(change * self.lag_deviation[sensor])
-        variance = variance + self._rounded
-        return np.where(known.confounded, np.inf, np.sqrt(np.maximum(variance, 0.0)))
+        variance = np.maximum(self._spread(self.known.variances), 0.0)
+        return np.where(self.known.confounded, np.inf, np.sqrt(variance))
 
     @cached_property
     def memory(self) -> Memory:
@@ -148,20 +139,34 @@ class AxisFit:
         known, functionals = self.known, np.zeros((self.design.size, len(places)))
         functionals[places, np.arange(len(places))] = 1.0
 
-        def of_places(post: Posterior) -> tuple[np.ndarray, np.ndarray]:
-            values = known.rules.project(post.values)[places]
-            return values, known.covariance(post, functionals)
+        def within(post: Posterior) -> Spread:
+            return known.covariance(post, functionals)
 
-        result = self.memory.covariance(places, self.estimate.spread(of_places))
-        for sensor, lag in self.lags.items():
-            change = known.rules.project(lag.slope)[places] * self.lag_deviation[sensor]
-            result = result + np.outer(change, change)
-        same = places[:, None] == places[None, :]
-        result = result + np.where(same, self._rounded[places], 0.0)
-        confounded = known.confounded[places]
+        result, confounded = self._spread(within, places), known.confounded[places]
         result[confounded], result[:, confounded] = np.nan, np.nan
         result[confounded, confounded] = np.inf
         return np.asarray(result)
+
+    def _spread(
+        self,
+        within: Callable[[Posterior], Spread],
+        places: Int[np.ndarray, " p"] | slice = slice(None),
+    ) -> Spread:
+        """Return variances, or the covariance, of unknowns at some places under the rules.
+
+        Given those of a posterior per variance of one reading.
+        """
+        project = self.known.rules.project
+        white = self.estimate.spread(
+            lambda post: (project(post.values)[places], within(post))
+        )
+        rounded = self._rounded[places]
+        result = self.memory.swollen(white, places)
+        result = result + (np.diag(rounded) if white.ndim > 1 else rounded)
+        for sensor, lag in self.lags.items():
+            change = project(lag.slope)[places] * self.lag_deviation[sensor]
+            result = result + times(np.ones_like(white), change)
+        return result
 
     @cached_property
     def _rounded(self) -> Float[np.ndarray, " n"]:
@@ -285,7 +290,7 @@ def _start(
             trials.append((trial, columns, estimated(columns, fit, rough=True)))
     error = _error(design, data)
     sizes = np.array([error - d.columns @ f.values for _, d, f in trials])
-    scale = max(float(np.median(np.abs(sizes), axis=1).min()), floor_of(error))
+    scale = max(float(np.median(np.abs(sizes), axis=1).min()), least_scale(error))
     # Minus log likelihood of Student's t: wild readings count alike for all lags.
     costs = 2.5 * np.log1p(np.square(sizes / (1.4826 * scale)) / 4.0).sum(axis=1)
     best = int(np.argmin(costs))
@@ -318,7 +323,6 @@ def _estimated(
         stated = [smoothness.get(part, {}).get(name, 0.0) for part, name in names]
         weights = fixed_weights(np.array(stated, float))
     else:
-        check_smoothness(smoothness)
         weights = fixed_weights(smoothness)
     if len(error) <= design.free:
         msg = (
@@ -333,7 +337,7 @@ def _estimated(
         memory(design.stack, Readings(error, {}), design.columns),
         loss=loss,
         weights=weights,
-        floor=max(floor_of(error), _steps(design, data).size),
+        floor=max(least_scale(error), _steps(design, data).size),
         start=start,
         pins=pins if pins.any() else None,
         near=near,

@@ -28,7 +28,6 @@ from ...core import (
     Smooth,
     Stack,
     chain,
-    compact,
     sums_of,
 )
 from .._identifiable import null_space, pins_of
@@ -189,8 +188,8 @@ class Design:
     def information(self) -> sp.csr_array:
         """Information of all rows on the unknowns, Σ x xᵀ, whatever was measured in them."""
         readings, zero = Readings(np.zeros(len(self.rows)), {}), np.zeros(self.size)
-        columns = compact(self.columns)
-        return sums_of(self.stack, readings, zero, Loss(), design=columns)[0].matrix
+        sums, _ = sums_of(self.stack, readings, zero, Loss(), design=self.columns)
+        return sums.matrix
 
     def over(self, shapes: Float[np.ndarray, "n m"]) -> Float[np.ndarray, "m m"]:
         """Return the information on mixtures of the unknowns."""

@@ -12,7 +12,6 @@ from ..._recording import JointData
 from ...core import (
     FitError,
     Readings,
-    compact,
     cores,
     leave_one_out,
     one_blas_thread,
@@ -293,7 +292,7 @@ def _held_out(
 ) -> Float[np.ndarray, " r"]:
     """Return what is left of the used readings of one axis, each fitted without its group."""
     design, estimate = fit.design, fit.estimate
-    columns, residual = compact(design.columns), np.array(error)
+    columns, residual = design.columns, np.array(error)
     sums = sums_by_group(estimate, Readings(error, {}), columns, groups)
     if len(sums) < 2:
         return residual  # without its only group nothing is known

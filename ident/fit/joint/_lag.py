@@ -1,14 +1,13 @@
 """Lags between sensors and structure by variable projection.
 
-For a trial lag only the columns of the temperatures change: everything else is eliminated
-once, the rest is a problem of a few unknowns, and the restricted likelihood is a function of
-the logarithms of the lags alone.
+For trial lags everything else is eliminated by the factor of a fit; the restricted likelihood
+is then a function of the logarithms of the lags alone.
 
 Source: G. Golub, V. Pereyra, SIAM J. Numer. Anal. 10(2), 1973.
 """
 
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any, final
 
 import numpy as np
@@ -18,7 +17,7 @@ from scipy.optimize import minimize_scalar
 from scipy.special import comb
 
 from ..._recording import JointData, clocked, lagged
-from ...core import Estimate, FitError, Loss, Posterior, Readings, compact, sums_of
+from ...core import Estimate, FitError, Loss, Posterior, Readings, sums_of
 from ._design import Design
 from ._effect import AbstractEffect
 
@@ -38,8 +37,6 @@ _SEEN = 1e-9
 """Least share of a lag's effect that counts as its own beside all other unknowns."""
 
 Vector = Float[np.ndarray, " _n"]
-Profile = Callable[[Mapping[str, float]], tuple[float, Vector]]
-"""Returns the evidence of lags by sensor, up to a constant, and all unknowns."""
 
 
 @final
@@ -95,46 +92,74 @@ def find_lags(
         FitError: If there is no clock.
     """
     low, high = lag_bounds(design.axis, data)
-    post = _posterior(design, fit, pseudo)
-    profile = _profile(design, data, post, pseudo)
+    target, active = pseudo + design.columns @ fit.centre, pseudo != 0.0
+    believed = active.astype(float)
+
+    def evidence(lags: Mapping[str, float]) -> float:
+        trial = lagging(design, data, lags)
+        return _evidence(trial, _posterior(trial, fit, target, believed), active)
+
     lags, width = dict(near), (high - low) / (_GRID - 1)
     for sensor, start in near.items():
         # One after the other roughly; then each between its neighbours on the grid.
         grid = np.log([start]) if start > 0.0 else np.linspace(low, high, _GRID)
         trials = [{**lags, sensor: float(lag)} for lag in np.exp(grid)]
-        costs = [profile(trial)[0] for trial in trials]
+        costs = [evidence(trial) for trial in trials]
         best = int(np.argmin(costs))
         without = {**lags, sensor: 0.0}
-        lags = trials[best] if profile(without)[0] - costs[best] > WORTH else without
-    active = [sensor for sensor, lag in lags.items() if lag > 0.0]
-    for sensor in active * (_SWEEPS if len(active) > 1 else 1):
+        lags = trials[best] if evidence(without) - costs[best] > WORTH else without
+    shown = [sensor for sensor, lag in lags.items() if lag > 0.0]
+    for sensor in shown * (_SWEEPS if len(shown) > 1 else 1):
         middle = float(np.log(lags[sensor]))
         bracket = max(low, middle - width), min(high, middle + width)
 
         def cost(log: float, sensor: str = sensor) -> float:
-            return profile({**lags, sensor: float(np.exp(log))})[0]
+            return evidence({**lags, sensor: float(np.exp(log))})
 
         optimum = minimize_scalar(cost, bounds=bracket, options={"xatol": _FINE})
         lags[sensor] = float(np.exp(optimum.x))
-    if profile(near)[0] - profile(lags)[0] < _SETTLED:
+    if evidence(near) - evidence(lags) < _SETTLED:
         lags = dict(near)
-    return _with_deviations(design, data, post, pseudo != 0.0, lags, profile(lags)[1])
+    design = lagging(design, data, lags)
+    # Without any residual there is none that could have changed sides.
+    post = _posterior(design, fit, target, believed) or fit.posterior
+    return _with_deviations(design, data, post, active, lags)
 
 
 def _posterior(
-    design: Design, fit: Estimate, pseudo: Float[np.ndarray, " r"]
-) -> Posterior:
-    """Return the posterior of exactly those readings that are believed.
+    design: Design,
+    fit: Estimate,
+    target: Float[np.ndarray, " r"],
+    believed: Float[np.ndarray, " r"],
+) -> Posterior | None:
+    """Return the posterior by other columns; None where the matrix is singular.
 
-    The matrix of a fit may hold a few others, whose errors are more than a lag explains.
+    Weights of the prior and of the readings are those of a fit, whose matrix may hold a few
+    readings that are not believed: their errors are more than a lag explains.
     """
-    target = pseudo + design.columns @ fit.centre
-    readings = Readings(target, {}, (pseudo != 0.0).astype(float))
-    columns = compact(design.columns)
-    sums, _ = sums_of(design.stack, readings, fit.centre, Loss(), design=columns)
-    problem = fit.posterior.problem.again(sums, fit.centre, 1.0)
-    # Without any residual there is none that could have changed sides.
-    return problem.at(fit.posterior.weights) or fit.posterior
+    post, readings = fit.posterior, Readings(target * believed, {})
+    columns = sp.csr_array(sp.diags_array(believed) @ design.columns)
+    stack, centre = post.problem.stack, fit.centre
+    sums, _ = sums_of(stack, readings, centre, Loss(), design=columns)
+    problem = dataclasses.replace(post.problem, sums=sums, theta=centre, gain=1.0)
+    return problem.at(post.weights)
+
+
+def _evidence(
+    design: Design, post: Posterior | None, active: Bool[np.ndarray, " r"]
+) -> float:
+    """Return the evidence of the lags of columns, by readings that are believed.
+
+    Relative to the columns of the temperatures alone: their size, and how alike they are, is no
+    evidence.
+    """
+    if post is None:
+        return np.inf
+    warm = design.columns[active][:, _heated_places(design)].toarray()
+    scale = np.sqrt(np.maximum(np.square(warm).sum(axis=0), 1e-300))
+    alone = (warm / scale).T @ (warm / scale) + _RIDGE * np.eye(len(scale))
+    size = np.linalg.slogdet(alone)[1] + 2.0 * np.log(scale).sum()
+    return post.evidence - float(size)
 
 
 def lagging(design: Design, data: JointData, lags: Mapping[str, float]) -> Design:
@@ -156,7 +181,6 @@ def _with_deviations(
     post: Posterior,
     active: Bool[np.ndarray, " r"],
     lags: Mapping[str, float],
-    theta: Vector,
 ) -> dict[str, FoundLag]:
     """Return the lags with their deviations: as further columns, linear near the best ones."""
     delayed = [sensor for sensor, lag in lags.items() if lag > 0.0]
@@ -164,7 +188,7 @@ def _with_deviations(
     for k, sensor in enumerate(delayed):
         ends = [lags[sensor] * (1.0 + sign * _STEP) for sign in (1.0, -1.0)]
         columns = (_heated(design, data, {**lags, sensor: end}) for end in ends)
-        later, sooner = (block @ theta[heated] for block in columns)
+        later, sooner = (block @ post.values[heated] for block in columns)
         change[:, k] = (later - sooner) / (ends[0] - ends[1])
     moves = change * active[:, None]
     response = post.factor.solve(np.asarray(design.columns.T @ moves))
@@ -253,58 +277,3 @@ def _warm(design: Design) -> list[AbstractEffect]:
 
 def _heated_places(design: Design) -> Int[np.ndarray, " k"]:
     return np.concatenate([design.places_of(effect.name) for effect in _warm(design)])
-
-
-def _profile(
-    design: Design, data: JointData, post: Posterior, pseudo: Float[np.ndarray, " r"]
-) -> Profile:
-    """Return the evidence of lags, everything but the temperatures eliminated once.
-
-    The factor of the fit has the temperatures in it: what they do is taken off its solutions.
-    All is taken about the fit, so that digits of the tables are not lost.
-    """
-    heated, factor, active = _heated_places(design), post.factor, pseudo != 0.0
-    unit = np.zeros((design.size, len(heated)))
-    unit[heated, np.arange(len(heated))] = 1.0
-    response = factor.solve(unit)
-
-    def solve(right: Float[np.ndarray, "n *k"]) -> Float[np.ndarray, "n *k"]:
-        """Return the solution with the temperatures held at zero."""
-        move = factor.solve(right)
-        move = move - response @ np.linalg.solve(response[heated], move[heated])
-        move[heated] = 0.0
-        return np.asarray(move)
-
-    def load(rows: Float[np.ndarray, "r *k"]) -> Float[np.ndarray, "n *k"]:
-        """Return the right-hand side of the others for readings, or columns of them."""
-        right = np.asarray(across @ rows)
-        right[heated] = 0.0
-        return right
-
-    across = sp.csr_array(design.columns.T)
-    warmth = active * (design.columns[:, heated] @ post.values[heated])
-    move = design.columns @ (post.values - post.problem.theta)
-    target = np.where(active, pseudo - move, 0.0) + warmth
-    base = solve(load(warmth))
-    remaining = float(target @ target) - float(load(warmth) @ base)
-    remaining += post.total - post.residual_square
-
-    def profile(lags: Mapping[str, float]) -> tuple[float, Vector]:
-        columns = _heated(design, data, lags) * active[:, None]
-        coupling = load(columns)
-        through = solve(coupling)
-        gram = columns.T @ columns
-        schur = gram - coupling.T @ through
-        moment = columns.T @ target - coupling.T @ base
-        scale = np.sqrt(np.maximum((columns**2).sum(axis=0), 1e-300))
-        unit, ridge = np.outer(scale, scale), _RIDGE * np.eye(len(scale))
-        scaled, alone = schur / unit + ridge, gram / unit + ridge
-        values = np.linalg.solve(scaled, moment / scale) / scale
-        square = max(remaining - float(moment @ values), 1e-300)
-        # Relative to the columns alone: their size, and how alike they are, is no evidence.
-        logdet = np.linalg.slogdet(scaled)[1] - np.linalg.slogdet(alone)[1]
-        theta = post.values + base - through @ values
-        theta[heated] = values
-        return post.problem.degrees * float(np.log(square)) + float(logdet), theta
-
-    return profile

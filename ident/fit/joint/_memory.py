@@ -20,9 +20,9 @@ from jaxtyping import Float, Int
 
 from ...core import (
     DriftNoise,
+    Spread,
     find_drift,
     scatter_of_sums,
-    variances_of_sums,
 )
 from .._identifiable import SINGULAR, pivoted
 from .._result import doubt_of_means
@@ -74,28 +74,21 @@ class Memory:
         places = [position[name][design.rows] for name in names]
         return without_turns(self.fit.pseudo, places, self.order)
 
-    def variances(self, white: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return the variances of the values, given those under white noise."""
-        if self.drift is None:
-            return np.asarray(white * self._swell)
-        sums = variances_of_sums(self.drift, self._clock, self._moves)
-        scatter = self.fit.estimate.scatter[0] * np.square(self._moves).sum(axis=0)
-        return np.asarray(np.maximum(white + sums - scatter, self._between_runs))
+    def swollen(self, white: Spread, places: Int[np.ndarray, " k"] | slice) -> Spread:
+        """Return variances, or the covariance, of values at some places.
 
-    def covariance(
-        self, places: Int[np.ndarray, " k"], white: Float[np.ndarray, "k k"]
-    ) -> Float[np.ndarray, "k k"]:
-        """Return the covariance of the values at some places, given that under white noise."""
+        Given those under white noise.
+        """
         if self.drift is None:
-            swell = np.sqrt(self._swell[places])
-            return np.asarray(white * np.outer(swell, swell))
+            return times(white, np.sqrt(self._swell[places]))
         scatter, moves = self.fit.estimate.scatter[0], self._moves[:, places]
-        result = white + beyond_white(self.drift, self._clock, moves, scatter)
+        more = beyond_white(self.drift, self._clock, moves, scatter)
+        result = white + (more if white.ndim > 1 else np.diag(more))
+        variance = np.diag(result) if white.ndim > 1 else result
         # What a rule holds has a variance by rounding only.
-        variance = np.maximum(np.diag(result), SINGULAR * result.max(initial=0.0))
-        excess = self._between_runs[places] / np.maximum(variance, 1e-300)
-        swell = np.sqrt(np.maximum(excess, 1.0))
-        return np.asarray(result * np.outer(swell, swell))
+        variance = np.maximum(variance, SINGULAR * variance.max(initial=1e-300))
+        swell = np.maximum(self._between_runs[places] / variance, 1.0)
+        return times(result, np.sqrt(swell))
 
     def swell_along(self, direction: Float[np.ndarray, " r"]) -> float:
         """Return the factor of the variance of a parameter, given its direction, ≥ 1."""
@@ -108,7 +101,7 @@ class Memory:
         if self.drift is not None and direction.any():
             column = direction[self._believed, None]
             white = self.fit.estimate.scatter[0] * np.square(column).sum()
-            drifting = variances_of_sums(self.drift, self._clock, column)[0]
+            drifting = scatter_of_sums(self.drift, self._clock, column)[0, 0]
             swell = max(swell, float(drifting / white))
         return swell
 
@@ -156,8 +149,10 @@ class Memory:
         # The prior holds the sum of the scores away from zero: that is no scatter.
         spread = changes.var(axis=1)
         for part in design.components:
-            ordered, white = spread[part.places, 0], spread[part.places, 1:]
-            swell[part.places] = _excess(float(ordered.mean()), float(white.mean()))
+            ordered, *white = spread[part.places].mean(axis=0)
+            # No less than white noise, and not by chance.
+            if ordered > _CHANCE * np.mean(white) > 0.0:
+                swell[part.places] = ordered / np.mean(white)
         return swell
 
     @cached_property
@@ -188,7 +183,7 @@ class Memory:
         apart = doubt_of_means(effects)[0] * np.sqrt(len(effects))
         most = np.square(apart * np.abs(runs.T @ moves).sum(axis=0))
         assert self.drift is not None  # asked for only then
-        moved = variances_of_sums(self.drift, self._clock, levels)
+        moved = np.diag(scatter_of_sums(self.drift, self._clock, levels))
         kept = np.sqrt(np.minimum(most / np.maximum(moved, 1e-300), 1.0))
         return np.asarray(moves - (1.0 - kept) * levels)
 
@@ -229,7 +224,7 @@ def drift_beside(
     pseudo: Float[np.ndarray, " s"],
 ) -> DriftNoise | None:
     """Return how residuals scatter beside columns that were fitted; None where none drifts."""
-    noise = find_drift(clock, _basis(columns), pseudo, np.ones(len(pseudo)))
+    noise = find_drift(clock, _basis(columns), pseudo)
     return noise if noise.drift > 0.0 else None
 
 
@@ -253,7 +248,7 @@ def beyond_white(
         moves: How each of them moves the values.
         variance: Of a reading under white noise.
     """
-    sums = scatter_of_sums(noise, clock, moves, np.ones(len(moves)))
+    sums = scatter_of_sums(noise, clock, moves)
     return np.asarray(sums - variance * (moves.T @ moves))
 
 
@@ -286,6 +281,13 @@ def without_turns(
     design = np.column_stack(columns)
     share = np.linalg.lstsq(design[believed], pseudo[believed], rcond=None)[0]
     return np.where(believed, pseudo - design[:, 1:] @ share[1:], 0.0)
+
+
+def times(spread: Spread, factors: Float[np.ndarray, " k"]) -> Spread:
+    """Return variances, or the covariance, of values times factors."""
+    return np.asarray(
+        spread * (factors**2 if spread.ndim == 1 else np.outer(factors, factors))
+    )
 
 
 def _excess(variance: float, white: float) -> float:

@@ -48,10 +48,10 @@ def fitted(
         members = group == number
         design = columns[members]
         spare = len(design) - int((design > TOUCHED).any(axis=0).sum())
+        root = np.sqrt(events.weight[members])
         found = regress(
-            design,
-            events.value[members],
-            weight=events.weight[members],
+            design * root[:, None],
+            events.value[members] * root,
             loss=loss if spare >= max(4, design.shape[1]) else "gauss",
             noise=events.own_noise,
         )

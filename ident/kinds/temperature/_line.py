@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ..._recording import JointData
-from ...core import DriftNoise, node_shares, variances_of_sums
+from ...core import DriftNoise, node_shares, scatter_of_sums
 from ...fit.joint import LAWS, Temperature
 
 Meeting = Literal[
@@ -149,7 +149,7 @@ class TemperatureFit:
         """Readings without a drift that would tell a constant as well, about."""
         count, noise = len(self.error), self.noise
         mean = np.full((count, 1), 1.0 / count)
-        variance = float(variances_of_sums(noise, self.data.order, mean)[0])
+        variance = float(scatter_of_sums(noise, self.data.order, mean)[0, 0])
         return (noise.white**2 + noise.drift**2) / max(variance, 1e-300)
 
     @property

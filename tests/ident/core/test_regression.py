@@ -50,7 +50,7 @@ def test_residuals_without_any_scatter_have_no_drift() -> None:
     for value in 1.0 / np.arange(1.0, 31.0):
         residual = np.full(50, value)
         # What rounding leaves is the root of a difference of squares.
-        drift = find_drift(time, columns, residual, np.ones(50)).drift
+        drift = find_drift(time, columns, residual).drift
         assert drift < 1e-6 * value
 
 

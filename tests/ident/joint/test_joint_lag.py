@@ -101,10 +101,14 @@ def test_a_few_readings_that_changed_sides_do_not_hide_a_lag() -> None:
     own = fit_joint(data, [Leadscrew("X", nodes), warm]).fits["X"]
     design, found = own.design, own.estimate
     old = np.arange(2000) % 400 > 0
-    readings = Readings(error, {}, old.astype(float))
+    readings = Readings(error * old, {})
     design = lagging(design, data, {"T": 0.0})
     sums, _ = sums_of(
-        design.stack, readings, found.centre, Loss(), design=design.columns.toarray()
+        design.stack,
+        readings,
+        found.centre,
+        Loss(),
+        design=design.columns.toarray() * old[:, None],
     )
     problem = dataclasses.replace(found.posterior.problem, sums=sums)
     post = problem.at(found.posterior.weights)
