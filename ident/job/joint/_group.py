@@ -159,7 +159,7 @@ def _unfit(
 ) -> str:
     """Return why a member cannot be fitted to these readings, in words, or nothing."""
     why = plan.unfit(recording) or plan.confused(members, recording)
-    return why or (plan.undetermined(recording.data) if len(members) == 1 else "")
+    return why or plan.undetermined(recording.data)
 
 
 def _identified(

@@ -199,7 +199,8 @@ def read_group(
     data = JointData(
         **columns,
         time=time,
-        run=run if several else None,
+        # A table alone finds the zeros of its measurements itself.
+        run=run if several else None if alone else beside,
         runs=dict.fromkeys(heated, beside),
         clock_number=np.repeat(np.arange(len(counts)), counts) if apart else None,
         own_zero=own_zero,

@@ -60,6 +60,23 @@ class Plan(AbstractPlan):
         ways = {"direction": (self.axis,)} if self.table.branches == 2 else {}
         return {"position": self.fit.over} | ways
 
+    def unfit(self, recording: "GroupRecording") -> str:
+        data = recording.data
+        read = np.isfinite(data.error[self.axis])
+        for name in self.fit.over:
+            place = data.position[name][read & np.isfinite(data.position[name])]
+            if len(place) and not np.ptp(place) > 0:
+                return f"All readings stand at {place[0]:g} along {name}."
+        if self.table.branches > 1:
+            way = data.direction[self.axis][read]
+            for sign, word in ((1, "+"), (-1, "−")):
+                if not np.any(way == sign):
+                    return (
+                        f"No reading in {word} direction of {self.axis}: a table for each"
+                        " direction (bilateral = true) needs both."
+                    )
+        return ""
+
     def undetermined(self, data: "JointData") -> str:
         if len(self.fit.over) < 2:
             return ""

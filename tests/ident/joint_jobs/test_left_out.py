@@ -226,3 +226,58 @@ def test_a_terminal_reads_the_group_first_and_nothing_twice(
     assert unlisted in said
     assert said.count("A straight line over X may be moved between") == 1
     assert "Identified together" not in said
+
+
+@pytest.mark.parametrize("case", ["one way", "in lockstep", "at rest"])
+def test_a_group_writes_no_table_whose_readings_a_fit_alone_refuses(
+    tmp_path: Path, case: str
+) -> None:
+    rng = np.random.default_rng(3)
+    x, y, z = rng.uniform(0.0, 400.0, (3, ROWS))
+    if case == "in lockstep":
+        y = 400.0 - x
+    if case == "at rest":
+        y = np.full(ROWS, 200.0)
+    columns = {"X.position": x, "Y.position": y, "Z.position": z}
+    columns |= {"Z.error": screw(x) + noise(), "Z.direction": np.ones(ROWS)}
+    other = entry("cross", "Z", f'master = "X"\n{LINE}', "z")
+    if case == "one way":
+        fits = entry("leadscrew", "Z", f"{LINE}bilateral = true\n", "z") + other
+    else:
+        grid = "start = [0, 0]\ninterval = [40, 40]\npoints = [11, 11]\n"
+        fits = entry("plane", "Z", f'masters = ["X", "Y"]\n{grid}', "z")
+        fits += entry("leadscrew", "Z", LINE, "z")
+    said = left_out(run_job(job(tmp_path, columns, fits), tmp_path / "out"))
+    words = {
+        "one way": ("leadscrew", "No reading in − direction of Z"),
+        "in lockstep": ("plane", "X and Y moved together"),
+        "at rest": ("plane", "All readings stand at 200 along Y"),
+    }
+    kind, reason = words[case]
+    assert [*said] == [kind]
+    assert reason in said[kind]
+
+
+@pytest.mark.parametrize("group", ["", "x"])
+def test_zeros_of_measurements_that_went_one_way_each_hide_a_backlash(
+    tmp_path: Path, group: str
+) -> None:
+    rng = np.random.default_rng(4)
+    x = rng.uniform(0.0, 400.0, ROWS)
+    way = np.repeat([1.0, -1.0], ROWS // 2)
+    error = screw(x) + 3e-3 * way + np.where(way > 0, 0.05, -0.02) + noise()
+    fits = entry("leadscrew", "X", LINE, group) + entry("backlash", "X", "", group)
+    columns = {"X.position": x, "X.error": error, "X.direction": way}
+    text = job(tmp_path, columns, "").read_text().replace('"none"', '"offset"')
+    table = text[text.index("[measurements.m]") :]
+    for name, rows in (("m", way > 0), ("n", way < 0)):
+        job(tmp_path, {key: each[rows] for key, each in columns.items()}, "")
+        (tmp_path / "data.csv").rename(tmp_path / f"{name}.csv")
+    text = AXES + "".join(
+        table.replace("measurements.m", f"measurements.{name}").replace("data", name)
+        for name in "mn"
+    )
+    fits = fits.replace('measurement = "m"', 'measurements = ["m", "n"]')
+    (tmp_path / "job.toml").write_text(text + fits)
+    said = left_out(run_job(tmp_path / "job.toml", tmp_path / "out"))
+    assert "cannot tell the backlash of X and the runs of X" in said["backlash"]
