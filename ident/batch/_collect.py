@@ -15,13 +15,14 @@ import io
 import os
 import tomllib
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from ...data.files import LONGEST_NAME
 from ...data.toml import TomlError, read_toml, read_utf8
 from .._job_text import job_text
+from ..kinds._keys import unknown
 from ._folder import BatchError
 
 _TABLES = (".csv", ".parquet", ".pq")
@@ -164,9 +165,8 @@ def _tasks(path: Path, jobs: Path) -> Iterator[Task]:
                 tree = _rebased(templates[base], base.parent, jobs)
             except BatchError as error:
                 fault = f"row {number}: {error}"
-        for key, cell in row.items():
-            if cell is None or cell == "":
-                continue
+        cells = {key: cell for key, cell in row.items() if cell not in (None, "")}
+        for key, cell in cells.items():
             parts = key.split(".")
             keys = tuple(part for part in parts if not part.isdigit())
             value = _rebased(_value(key, cell), path.parent, jobs, keys)
@@ -175,8 +175,74 @@ def _tasks(path: Path, jobs: Path) -> Iterator[Task]:
             except (AttributeError, TypeError, ValueError, IndexError):
                 reason = f"{key!r} leads through a key that has a value"
                 fault = fault or f"row {number}: {reason}"
+        if template and fault is None:
+            wrong = _misspelt(cells, tree, templates[base])
+            fault = None if wrong is None else f"row {number}: {wrong}"
         text = job_text(tree) + "\n"
         yield Task(name, jobs / f"{name}.toml", _hash(text.encode()), text, fault)
+
+
+def _misspelt(
+    columns: Iterable[str], job: Mapping[str, Any], template: Mapping[str, Any]
+) -> str | None:
+    """Return what is wrong with a column whose measurement or axis nothing in the job uses.
+
+    Args:
+        columns: Names of those that have a cell in the row.
+        job: What template and row make.
+        template: The template alone; what it has is right.
+    """
+    words = {"measurements": "a measurement of the template", "axes": "an axis of it"}
+    for column in columns:
+        part, _, rest = column.partition(".")
+        name = rest.partition(".")[0]
+        if part not in words or name in (known := _tables_of(template, part)):
+            continue
+        twin = name.casefold() in map(str.casefold, known)
+        if name not in _used(job, part, followed=not twin):
+            return f"{column!r}: {unknown(name, known, words[part])}"
+    return None
+
+
+def _used(job: Mapping[str, Any], part: str, *, followed: bool) -> set[str]:
+    """Return all words by which a job may use a measurement or an axis.
+
+    Args:
+        job: The tree of the job.
+        part: ``measurements`` or ``axes``.
+        followed: Whether a table in the list of one axis may follow any other.
+    """
+    used = {*_words(job.get("fits"))}
+    if part == "axes":
+        axes, measured = _tables_of(job, part), _tables_of(job, "measurements")
+        used |= {str(axis.get("gantry")) for axis in axes.values()}
+        used |= {str(one.get("axis")) for one in measured.values()}
+        # Roles are keys, X.position, and so are the axes of a datum.
+        used |= {word.partition(".")[0] for word in _words(measured, keys=True)}
+        if followed and any({"list", "machine_data"} & set(a) for a in axes.values()):
+            used |= set(axes)
+    return used
+
+
+def _tables_of(tree: Mapping[str, Any], part: str) -> dict[str, Mapping[str, Any]]:
+    """Return the tables below a key of a job that may be wrong in any way."""
+    tables = tree.get(part)
+    tables = tables if isinstance(tables, Mapping) else {}
+    return {name: one for name, one in tables.items() if isinstance(one, Mapping)}
+
+
+def _words(tree: Any, *, keys: bool = False) -> Iterator[str]:
+    """Yield every text in a tree, or every key."""
+    if isinstance(tree, Mapping):
+        if keys:
+            yield from tree
+        for value in tree.values():
+            yield from _words(value, keys=keys)
+    elif isinstance(tree, list):
+        for value in tree:
+            yield from _words(value, keys=keys)
+    elif isinstance(tree, str) and not keys:
+        yield tree
 
 
 def _table_rows(path: Path) -> list[dict[str, Any]]:

@@ -105,7 +105,7 @@ def run_job(
             inputs=job.hashes(),
             versions=_versions(),
             load_sheet=(),
-            remarks=(*remarks, *notes, *outdated),
+            remarks=(*remarks, *notes, *outdated, *_unused(job)),
             digests=dict(folder.digests),
             wall_time=0.0,
             job=job.spec.resolved() | {"gate": dict(job.spec.gate)},
@@ -144,6 +144,16 @@ def _uninterrupted() -> Iterator[None]:
             signal.signal(code, handler)
         for number in pending:
             signal.raise_signal(number)
+
+
+def _unused(job: Job) -> list[Remark]:
+    """Return which measurements of the job no fit reads: their names may be misspelt."""
+    used = {name for fit in job.spec.fits for name in fit.sources}
+    return [
+        Remark.info(f"Measurement {name!r} is used by no fit.")
+        for name in job.spec.measurements
+        if name not in used
+    ]
 
 
 def _names(job: Job) -> list[str]:

@@ -18,6 +18,9 @@ from axcomp.ident.batch._work import Order, examine
 from axcomp.ident.cli import main
 
 JOB = '[axes.X]\nnumber = 1\n[measurements.m]\nfile = "m.csv"\n'
+LASER = JOB.replace("[measurements.m]", "[measurements.laser]") + (
+    '[[fits]]\ncompensation = "leadscrew"\naxis = "X"\nmeasurement = "laser"\n'
+)
 
 
 @pytest.mark.parametrize(
@@ -39,6 +42,43 @@ def test_a_table_of_jobs_is_refused_with_its_row(
     (tmp_path / "t.csv").write_text(table)
     with pytest.raises(BatchError, match=match):
         collect_jobs([str(tmp_path / "t.csv")], tmp_path / "out")
+
+
+@pytest.mark.parametrize(
+    ("column", "match"),
+    [
+        ("measurements.lasr.file", "'lasr', expected a .*: laser .nearest: 'laser'"),
+        ("axes.x.number", "'x', expected an axis of it: X .nearest: 'X'"),
+        ("axes.Y.number", "'Y', expected an axis of it: X .nearest: 'X'"),
+    ],
+)
+def test_a_column_of_a_misspelt_measurement_or_axis_is_refused(
+    tmp_path: Path, column: str, match: str
+) -> None:
+    (tmp_path / "a.toml").write_text(LASER)
+    (tmp_path / "t.csv").write_text(f"job,template,{column}\nx,a.toml,3\n")
+    with pytest.raises(BatchError, match=rf"row 1: '{column}': found {match}"):
+        collect_jobs([str(tmp_path / "t.csv")], tmp_path / "out")
+
+
+@pytest.mark.parametrize(
+    ("columns", "cells"),
+    [
+        ("measurements.ball.file,fits.0.measurement", "b.csv,ball"),
+        ("measurements.ball.file,fits.0.measurements", "b.csv,\"['laser', 'ball']\""),
+        ("measurements.ball.file,title", ",left out"),
+        ("axes.Y.number,measurements.laser.columns.Y.position", "2,y"),
+        ("axes.Y.number,axes.X.gantry", "2,Y"),
+        ("axes.Y.number,axes.X.list", "2,achskw1.lis"),
+    ],
+)
+def test_a_column_may_add_a_measurement_or_axis_that_the_job_uses(
+    tmp_path: Path, columns: str, cells: str
+) -> None:
+    (tmp_path / "a.toml").write_text(LASER)
+    (tmp_path / "t.csv").write_text(f"job,template,{columns}\nx,a.toml,{cells}\n")
+    (task,) = collect_jobs([str(tmp_path / "t.csv")], tmp_path / "out")
+    assert task.fault is None
 
 
 def test_a_row_without_its_template_does_not_end_the_fleet(tmp_path: Path) -> None:

@@ -347,3 +347,14 @@ def test_wild_readings_of_one_place_are_named_once_with_their_number(
     (fit,) = run_job(job, tmp_path / "out").fits
     words = " ".join(remark.message for remark in fit.remarks)
     assert "Wild readings lie at X = 150, positive (2 of them)." in words
+
+
+def test_a_measurement_that_no_fit_uses_is_named(tmp_path: Path) -> None:
+    laser(tmp_path / "laser.csv")
+    job = screw_job(tmp_path)
+    spare = '[measurements.lasr]\nfile = "laser.csv"\n[[fits]]'
+    job.write_text(job.read_text().replace("[[fits]]", spare))
+    told = [one.message for one in run_job(job, tmp_path / "out").remarks]
+    assert [words for words in told if "no fit" in words] == [
+        "Measurement 'lasr' is used by no fit."
+    ]
