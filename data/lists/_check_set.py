@@ -17,6 +17,9 @@ from ._check_startup import check_startup
 from ._check_view import ListView
 from ._registry import registry
 
+_MODE = "frict_comp.mode"
+"""Switch of the friction compensation in its own list; 0, the default, is off."""
+
 
 def check_set(
     views: Sequence[ListView], gantry: Iterable[tuple[int, int]] = ()
@@ -118,7 +121,7 @@ def _check_numbers(view: ListView, lists: ListSet) -> None:
 
 
 def _check_against_axis(view: ListView, lists: ListSet) -> None:
-    """Report functions that the axis list leaves off, and doubled backlash."""
+    """Report functions that one of both lists leaves off, and doubled backlash."""
     number = axis_number(view)
     partners = [] if number is None else lists.axis_of(number)
     if not partners:
@@ -126,29 +129,37 @@ def _check_against_axis(view: ListView, lists: ListSet) -> None:
     for function in registry().functions:
         key = function.activation
         axis = in_force(partners, key)
+        if function.structure not in view.in_use:
+            continue
         # Friction has a mode that is off.
-        idle = function.structure == "frict_comp" and not view.integer(
-            "frict_comp.mode"
-        )
-        if function.structure in view.in_use and not idle:
-            if axis.integer(key) == 0:
-                if is_fragment(axis) and key not in axis.columns:
-                    continue  # The list that it adds to may well switch it on.
-                # It may hold tables over positions: those that have a unit.
-                external = function.unit and any(
-                    EXTERNAL in partner.structures for partner in partners
+        if function.structure == "frict_comp" and not view.integer(_MODE):
+            if axis.integer(key) and view.integer(_MODE) == 0:
+                view.add(
+                    "warning",
+                    f"{axis.file.source} switches the {function.name} on, but {_MODE}"
+                    " does not: its table does nothing",
+                    _MODE,
+                    found=view.text(_MODE) or "no entry",
+                    expected=f"{_MODE} 3, or {key} 0",
                 )
-                axis.add(
-                    "info" if external else "warning",
-                    f"{view.file.source} holds a {function.name}, but {key} does "
-                    "not switch it on",
-                    key,
-                    found=axis.text(key) or "no entry",
-                    expected=f"0 if the external compensation ({EXTERNAL}) holds it too"
-                    " (both would correct twice), else 1"
-                    if external
-                    else "1",
-                )
+        elif axis.integer(key) == 0:
+            if is_fragment(axis) and key not in axis.columns:
+                continue  # The list that it adds to may well switch it on.
+            # It may hold tables over positions: those that have a unit.
+            external = function.unit and any(
+                EXTERNAL in partner.structures for partner in partners
+            )
+            axis.add(
+                "info" if external else "warning",
+                f"{view.file.source} holds a {function.name}, but {key} does "
+                "not switch it on",
+                key,
+                found=axis.text(key) or "no entry",
+                expected=f"0 if the external compensation ({EXTERNAL}) holds it too"
+                " (both would correct twice), else 1"
+                if external
+                else "1",
+            )
     if "kw.ssfk" in view.in_use and view.integer("kw.ssfk.bilateral"):
         key = "lr_param.anwahl_losekomp"
         axis = in_force(partners, key)

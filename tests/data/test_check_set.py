@@ -169,6 +169,25 @@ def test_switch_without_a_table_is_refused() -> None:
     assert serious(files) == [("achsmds3.lis", "error", "P-AXIS-00175", 70083)]
 
 
+@pytest.mark.parametrize(
+    ("mode", "switch", "idle"),
+    [(None, 1, True), (0, 1, True), (3, 1, False), (0, 0, False)],
+)
+def test_friction_table_that_its_own_mode_leaves_off_is_named(
+    mode: int | None, switch: int, idle: bool
+) -> None:
+    entries = {
+        "kopf.achs_nr": 3,
+        "frict_comp.table_entries": 1,
+        "frict_comp.table[0].in": 1,
+        "frict_comp.table[0].out": 1,
+        **({} if mode is None else {"frict_comp.mode": mode}),
+    }
+    files = {"achskw3.lis": entries, "achsmds3.lis": axis(3, frict_comp=switch)}
+    named = [("achskw3.lis", "warning", "P-COMP-00041", None)]
+    assert serious(files) == (named if idle else [])
+
+
 def test_switch_without_a_list_is_doubted() -> None:
     files = {
         "achskw3.lis": cross(),
