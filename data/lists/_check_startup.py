@@ -1,5 +1,10 @@
 """Rules of the start-up list, and between it and the other lists."""
 
+import itertools
+import ntpath
+from collections.abc import Mapping
+from typing import TypeAlias
+
 from ._check_lists import (
     AXIS_DIFFERS,
     EXTERNAL,
@@ -12,6 +17,9 @@ from ._check_view import ListView
 from ._entry import Rows
 from ._names import full_name
 
+_Parts: TypeAlias = tuple[str, ...]
+"""Folders and name of a file."""
+
 
 def check_startup(view: ListView, lists: ListSet) -> None:
     """Judge a start-up list: complete, each axis once, numbers as in the lists."""
@@ -22,11 +30,13 @@ def check_startup(view: ListView, lists: ListSet) -> None:
         by_index = {
             index: numbers.integers[at] for (index,), at in numbers.last.items()
         }
-    files: dict[str, int | None] = {}
+    files: dict[_Parts, int | None] = {}
     if names is not None:
         for (index,), at in names.last.items():
-            files[base_name(names.texts[at])] = by_index.get(index)
-            if names.texts[at] in names.texts[:at]:
+            file = _parts(names.texts[at])
+            twice = file in files
+            files[file] = by_index.get(index)
+            if twice:
                 view.add(
                     "error",
                     f"{names.texts[at]} is named for two axes",
@@ -62,28 +72,52 @@ def check_startup(view: ListView, lists: ListSet) -> None:
                     expected="each axis once",
                 )
     for other in lists.compensation:
-        name = base_name(other.file.source)
-        if name not in files:
+        source, number = other.file.source, axis_number(other)
+        named = _nearest(_parts(source), files)
+        if not named:
             if not complete:
                 continue
             view.add(
                 "warning",
-                f"{other.file.source} is not named: the controller does not load it",
+                f"{source} is not named: the controller does not load it",
                 place=view.place("zahl_kw"),
-                found=", ".join(sorted(files)) or "no compensation list",
-                expected=name,
+                found=", ".join(sorted({file[-1] for file in files}))
+                or "no compensation list",
+                expected=base_name(source),
             )
-        elif files[name] is not None and axis_number(other) not in (None, files[name]):
+        elif number is not None and named.isdisjoint((None, number)):
+            stated = " or ".join(str(n) for n in sorted(named - {None}, key=str))
             other.add(
                 "error",
-                f"the list says axis {axis_number(other)}, {view.file.source} says "
-                f"axis {files[name]}",
+                f"the list says axis {number}, {view.file.source} says axis {stated}",
                 "kopf.achs_nr",
                 number=AXIS_DIFFERS,
-                found=str(axis_number(other)),
-                expected=str(files[name]),
+                found=str(number),
+                expected=stated,
             )
     _check_external(view, lists)
+
+
+def _parts(path: str) -> _Parts:
+    r"""Return folders and name of a file as Windows compares them: ``A/x`` is ``a\X``."""
+    return tuple(ntpath.normpath(path.lower()).split("\\"))
+
+
+def _common(one: _Parts, other: _Parts) -> int:
+    """Return how many parts two paths share, counted from the name of the file."""
+    pairs = zip(reversed(one), reversed(other), strict=False)
+    return sum(1 for _ in itertools.takewhile(lambda pair: pair[0] == pair[1], pairs))
+
+
+def _nearest(source: _Parts, files: Mapping[_Parts, int | None]) -> set[int | None]:
+    """Return the axis of the named file that a list is: of one name, and most folders.
+
+    A list may lie elsewhere than on the controller. None for no number; several numbers
+    where nothing tells the files apart; empty where none has its name.
+    """
+    alike = {file: _common(source, file) for file in files}
+    most = max(alike.values(), default=0)
+    return {files[file] for file, count in alike.items() if count == most > 0}
 
 
 def _check_pairs(

@@ -251,6 +251,44 @@ def test_axis_numbers_of_list_and_start_up_list_must_agree() -> None:
     assert serious(files) == [("listen/ACHSKW3.lis", "error", "P-COMP-00001", 110229)]
 
 
+def named(*paths: str) -> dict[str, object]:
+    """Return a start-up list of axes 3, 4, … with these files."""
+    entries = startup(*range(3, 3 + len(paths)))
+    return entries | {f"achs_kw[{i}]": path for i, path in enumerate(paths)}
+
+
+@pytest.mark.parametrize("folder", ["", "D:/copy/"])
+def test_lists_of_one_name_are_told_apart_by_their_folders(folder: str) -> None:
+    files = {
+        f"{folder}a/achskw.lis": cross(3),
+        f"{folder}B/achskw.lis": cross(4),
+        "hochlauf.lis": named(r"..\A\achskw.lis", r"..\b\ACHSKW.lis"),
+    }
+    assert serious(files) == []
+    files[f"{folder}a/achskw.lis"] = cross(5)
+    assert serious(files) == [
+        (f"{folder}a/achskw.lis", "error", "P-COMP-00001", 110229)
+    ]
+
+
+def test_lists_of_one_name_in_other_folders_may_be_either() -> None:
+    files = {
+        "1/achskw.lis": cross(3),
+        "2/achskw.lis": cross(5),
+        "hochlauf.lis": named(r"a\achskw.lis", r"b\achskw.lis"),
+    }
+    assert serious(files) == [("2/achskw.lis", "error", "P-COMP-00001", 110229)]
+
+
+@pytest.mark.parametrize(
+    "other",
+    [r"..\listen\ACHSKW3.LIS", "../listen/achskw3.lis", r"..\x\..\listen\achskw3.lis"],
+)
+def test_a_file_named_for_two_axes_is_found_however_it_is_spelt(other: str) -> None:
+    files = {"hochlauf.lis": named(r"..\listen\achskw3.lis", other)}
+    assert serious(files) == [("hochlauf.lis", "error", None, 110229)]
+
+
 def test_axis_numbers_of_list_and_axis_list_must_agree() -> None:
     files = {"achskw3.lis": cross(4), "achsmds3.lis": axis(3, crosscomp=0)}
     assert serious(files) == [("achskw3.lis", "error", "P-COMP-00001", 110229)]
