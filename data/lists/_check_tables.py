@@ -164,12 +164,25 @@ def _range(view: ListView) -> tuple[int, int]:
 
 
 def _check_reached(view: ListView, count: int) -> None:
-    """Report nodes that the positions of an axis that goes round never reach."""
+    """Report nodes that an axis that goes round never reaches, and a turn without some."""
     ends, (low, high) = _ends(view, count), _range(view)
-    if ends is None or low == high or low <= ends[0] <= ends[1] <= high:
+    if ends is None or low == high:
         return
     flag = "kw.ssfk.modulo"
     first, last, start, end = (at / _PER_DEGREE for at in (*ends, low, high))
+    if low <= ends[0] <= ends[1] <= high:
+        # An interval in whole units of the list is short by less than one of them.
+        lacking = high - low - (ends[1] - ends[0])
+        if view.integer(flag) and lacking >= count:
+            view.add(
+                "warning",
+                f"the nodes of the modulo table go from {first:g} to {last:g}, not over the"
+                " whole modulo range of their axis: its ends do not meet",
+                flag,
+                found=f"nodes from {first:g} to {last:g}",
+                expected=f"nodes from {start:g} to {end:g}",
+            )
+        return
     view.add(
         "warning",
         f"the leadscrew nodes from {first:g} to {last:g} lie in part outside the modulo range"

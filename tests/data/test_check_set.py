@@ -246,6 +246,28 @@ def test_backlash_of_zero_that_is_switched_on_is_doubted() -> None:
     ]
 
 
+@pytest.mark.parametrize(
+    ("count", "interval", "doubted"),
+    [
+        (37, 100_000, False),  # 0 to 360°
+        (36, 100_000, True),  # to 350°
+        (19, 100_000, True),  # to 180°
+        (8, 514_285, False),  # sevenths of the turn, rounded down
+    ],
+)
+def test_modulo_table_goes_over_the_whole_range_of_its_axis(
+    count: int, interval: int, doubted: bool
+) -> None:
+    entries = leadscrew(3, bilateral=0) | {"kw.ssfk.modulo": 1}
+    entries |= {"kw.ssfk.kw_nr_max": count, "kw.ssfk.interval": interval}
+    entries |= {f"kw.ssfk.table[{k}].pos": k % (count - 1) for k in range(count)}
+    found = serious({"achskw3.lis": entries}, modulo={3: (0.0, 360.0)})
+    assert found == [("achskw3.lis", "warning", "P-COMP-00022", None)][: int(doubted)]
+    assert serious({"achskw3.lis": entries}, modulo={4: (0.0, 360.0)}) == []
+    entries["kw.ssfk.modulo"] = 0
+    assert serious({"achskw3.lis": entries}, modulo={3: (0.0, 360.0)}) == []
+
+
 def test_axis_numbers_of_list_and_start_up_list_must_agree() -> None:
     files = {"listen/ACHSKW3.lis": cross(4), "hochlauf.lis": startup(1, 3)}
     assert serious(files) == [("listen/ACHSKW3.lis", "error", "P-COMP-00001", 110229)]
