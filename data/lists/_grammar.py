@@ -140,6 +140,12 @@ def _entry(body: str, start: int, end: int) -> Line:
     if not value and not quoted:
         notes.append((start + 1, RemarkCode.NO_VALUE, spelling))
         stop = span = after = end
+    if sense.style not in ("text", "unknown"):
+        following = _skip(body, stop)
+        # A thousand may be parted from its hundreds: 1 250.
+        if "0" <= value[-1:] <= "9" and "0" <= body[following : following + 1] <= "9":
+            excerpt = body[after : following + 20]
+            notes.append((following + 1, RemarkCode.DIGIT_COMMENT, excerpt))
     gaps = [at for at in range(start, stop) if body[at] in NO_BREAK]
     if gaps:
         excerpt = f"U+{ord(body[gaps[0]]):04X}"

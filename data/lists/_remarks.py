@@ -19,6 +19,7 @@ class RemarkCode(enum.StrEnum):
     QUOTE_COMMENT = "quote-comment"
     UNTERMINATED_QUOTE = "unterminated-quote"
     GLUED_COMMENT = "glued-comment"
+    DIGIT_COMMENT = "digit-comment"
     GLUED_QUOTE = "glued-quote"
     END_LINE = "end-line"
     BEHIND_END = "behind-end"
@@ -73,6 +74,12 @@ REMARKS: dict[str, RemarkRule] = {
         "error",
         "comment without a blank before it",
         "a blank between value and comment",
+        "S-09",
+    ),
+    RemarkCode.DIGIT_COMMENT: RemarkRule(
+        "warning",
+        "digits behind a value are a comment, not a part of it",
+        "a value without blanks, or a comment that opens with # or (",
         "S-09",
     ),
     RemarkCode.GLUED_QUOTE: RemarkRule(

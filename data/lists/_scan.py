@@ -19,9 +19,10 @@ from ._remarks import RemarkCode
 
 PLAIN = re.compile(
     r"[ \t]*+([a-z_][a-z0-9_.]*+)\[ *+([0-9]{1,9}+)\](?:\[ *+([0-9]{1,9}+)\])?+"
-    r"\.([a-z_][a-z0-9_.]*+)[ \t]++(-?+[0-9]{1,18}+)(?:[ \t][^\r\n]*+)?+(?:\r?+\n|\Z)"
+    r"\.([a-z_][a-z0-9_.]*+)[ \t]++(-?+[0-9]{1,18}+)(?:[ \t](?![^\S\r\n]*+[0-9])[^\r\n]*+)?+"
+    r"(?:\r?+\n|\Z)"
 )
-"""A lower-case table line with a decimal integer, and maybe a comment."""
+"""A lower-case table line with a decimal integer, and maybe a comment that begins with no digit."""
 _DIGITS = re.compile(r"-?[0-9]{1,18}")
 _ENTRY_LIKE = re.compile(r"\s*[A-Za-z_]\w*(?:\[[\s\d]+\]|\.[A-Za-z_])", re.ASCII)
 

@@ -112,6 +112,9 @@ def test_axis_parameters_are_judged(
         ("kw.ssfk.interval\u00a05", "warning", "P-COMP-00018"),
         ("kw.ssfk.interval 5 five", None, None),
         ("kw.ssfk.interval 5 (five", None, None),
+        ("kw.ssfk.interval 5 # 5", None, None),
+        ("kw.ssfk.interval 5 000", "warning", "P-COMP-00018"),
+        ("kw.ssfk.interval 5\u00a0000", "warning", "P-COMP-00018"),
         ("kw.ssfk.interval 5 /* five", None, None),
         ("kw.ssfk. interval 5", "warning", "P-COMP-00018"),
         ("kopf.log_achs_name AXIS 3", "warning", "P-COMP-00002"),
@@ -129,6 +132,19 @@ def test_anomaly_of_the_text_is_reported(
     expected = [] if level is None else [(level, id, None)]
     numberless = [(f.level, f.id, None) for f in findings if f.level != "info"]
     assert numberless == expected
+
+
+@pytest.mark.parametrize(
+    ("behind", "doubted"),
+    [(" 250", True), ("\t 250 # µm", True), (" \u00a0250", True), (" µm 250", False)],
+)
+def test_digits_behind_a_value_of_a_table_are_doubted(
+    behind: str, doubted: bool, complete: Complete, write: Write
+) -> None:
+    changed = {"kw.crosscomp.table[1].correction": f"-1{behind}"}
+    findings = check([write({**complete("cross"), **changed})])
+    found = [(f.level, f.id) for f in findings if "digits" in f.message]
+    assert found == [("warning", "P-COMP-00007")][: int(doubted)]
 
 
 def test_quoted_text_needs_a_build_that_knows_quotes(judge: Judge) -> None:
