@@ -25,6 +25,8 @@ from .._job_text import job_text
 from ..kinds._keys import unknown
 from ._folder import BatchError
 
+_NAMED = {"measurements": "a measurement of the template", "axes": "an axis of it"}
+"""Tables of a job whose keys are names, and what one of them is."""
 _TABLES = (".csv", ".parquet", ".pq")
 
 
@@ -157,8 +159,8 @@ def _tasks(path: Path, jobs: Path) -> Iterator[Task]:
         tree: dict[str, Any] = {}
         fault: str | None = None
         template = row.pop("template", None)
+        base = path.parent / str(template or "")
         if template:
-            base = path.parent / str(template)
             try:
                 if base not in templates:
                     templates[base] = _template(base)
@@ -175,8 +177,8 @@ def _tasks(path: Path, jobs: Path) -> Iterator[Task]:
             except (AttributeError, TypeError, ValueError, IndexError):
                 reason = f"{key!r} leads through a key that has a value"
                 fault = fault or f"row {number}: {reason}"
-        if template and fault is None:
-            wrong = _misspelt(cells, tree, templates[base])
+        if fault is None and (known := templates.get(base)) is not None:
+            wrong = _misspelt(cells, tree, known)
             fault = None if wrong is None else f"row {number}: {wrong}"
         text = job_text(tree) + "\n"
         yield Task(name, jobs / f"{name}.toml", _hash(text.encode()), text, fault)
@@ -185,64 +187,31 @@ def _tasks(path: Path, jobs: Path) -> Iterator[Task]:
 def _misspelt(
     columns: Iterable[str], job: Mapping[str, Any], template: Mapping[str, Any]
 ) -> str | None:
-    """Return what is wrong with a column whose measurement or axis nothing in the job uses.
+    """Return what is wrong with a column of a measurement or an axis that is none.
 
-    Args:
-        columns: Names of those that have a cell in the row.
-        job: What template and row make.
-        template: The template alone; what it has is right.
+    It is one of the template, or another one that the job names elsewhere.
     """
-    words = {"measurements": "a measurement of the template", "axes": "an axis of it"}
     for column in columns:
         part, _, rest = column.partition(".")
-        name = rest.partition(".")[0]
-        if part not in words or name in (known := _tables_of(template, part)):
+        name, known = rest.partition(".")[0], template.get(part)
+        if part not in _NAMED or not isinstance(known, Mapping) or name in known:
             continue
-        twin = name.casefold() in map(str.casefold, known)
-        if name not in _used(job, part, followed=not twin):
-            return f"{column!r}: {unknown(name, known, words[part])}"
+        others = {key: each for key, each in job[part].items() if key != name}
+        words = _words({**job, part: others})
+        if name not in {word.partition(".")[0] for word in words}:
+            return f"{column!r}: {unknown(name, known, _NAMED[part])}"
     return None
 
 
-def _used(job: Mapping[str, Any], part: str, *, followed: bool) -> set[str]:
-    """Return all words by which a job may use a measurement or an axis.
-
-    Args:
-        job: The tree of the job.
-        part: ``measurements`` or ``axes``.
-        followed: Whether a table in the list of one axis may follow any other.
-    """
-    used = {*_words(job.get("fits"))}
-    if part == "axes":
-        axes, measured = _tables_of(job, part), _tables_of(job, "measurements")
-        used |= {str(axis.get("gantry")) for axis in axes.values()}
-        used |= {str(one.get("axis")) for one in measured.values()}
-        # Roles are keys, X.position, and so are the axes of a datum.
-        used |= {word.partition(".")[0] for word in _words(measured, keys=True)}
-        if followed and any({"list", "machine_data"} & set(a) for a in axes.values()):
-            used |= set(axes)
-    return used
-
-
-def _tables_of(tree: Mapping[str, Any], part: str) -> dict[str, Mapping[str, Any]]:
-    """Return the tables below a key of a job that may be wrong in any way."""
-    tables = tree.get(part)
-    tables = tables if isinstance(tables, Mapping) else {}
-    return {name: one for name, one in tables.items() if isinstance(one, Mapping)}
-
-
-def _words(tree: Any, *, keys: bool = False) -> Iterator[str]:
-    """Yield every text in a tree, or every key."""
-    if isinstance(tree, Mapping):
-        if keys:
-            yield from tree
-        for value in tree.values():
-            yield from _words(value, keys=keys)
-    elif isinstance(tree, list):
-        for value in tree:
-            yield from _words(value, keys=keys)
-    elif isinstance(tree, str) and not keys:
+def _words(tree: Any) -> Iterator[str]:
+    """Yield every key and text in a tree."""
+    if isinstance(tree, str):
         yield tree
+    elif isinstance(tree, Mapping | list):
+        for each in tree:
+            yield from _words(each)
+        for value in tree.values() if isinstance(tree, Mapping) else ():
+            yield from _words(value)
 
 
 def _table_rows(path: Path) -> list[dict[str, Any]]:

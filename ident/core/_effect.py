@@ -190,7 +190,7 @@ class TableEffect(AbstractEffect):
         return places[:, :-1].reshape(-1) if self.ring else places.reshape(-1)
 
     @cached_property
-    def prior(self) -> Smooth:
+    def prior(self) -> Smooth:  # pyright: ignore[reportIncompatibleMethodOverride]
         """See `AbstractEffect`: differences along the axes of the table."""
         if len(self.nodes) == 2:
             first, second = (chain(nodes) for nodes in self.nodes)

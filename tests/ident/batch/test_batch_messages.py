@@ -69,7 +69,6 @@ def test_a_column_of_a_misspelt_measurement_or_axis_is_refused(
         ("measurements.ball.file,title", ",left out"),
         ("axes.Y.number,measurements.laser.columns.Y.position", "2,y"),
         ("axes.Y.number,axes.X.gantry", "2,Y"),
-        ("axes.Y.number,axes.X.list", "2,achskw1.lis"),
     ],
 )
 def test_a_column_may_add_a_measurement_or_axis_that_the_job_uses(
