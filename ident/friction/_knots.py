@@ -106,12 +106,15 @@ class _Curve:
         self._sums = np.pad(np.cumsum(weight * products, axis=1), ((0, 0), (1, 0)))
 
     def heights(self, places: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
-        """Return the heights at which a polyline with these knots follows the curve best."""
+        """Return the heights whose polyline follows the curve best, no further off than chords."""
         hats = KnotTable(knots=tuple(places)).steady(self.place)
         weighted = hats.T * self.weight
         chord = np.interp(places, self.place, self.height)  # where no point tells one
-        moment = weighted @ (self.height - hats @ chord)
-        return np.asarray(chord + ridged(weighted @ hats, moment))
+        miss = self.height - hats @ chord
+        most = np.max(np.abs(miss)[:, None] * (hats > 0), axis=0)
+        most[places > self.place[self.weight > 0][-1] + 1.0] = np.inf  # nobody measured
+        beside = ridged(weighted @ hats, weighted @ miss)
+        return np.asarray(chord + np.clip(beside, -most, most))
 
     def _between(self, left: np.ndarray, right: np.ndarray) -> list[np.ndarray]:
         """Return sums over the points in (left, right]."""
@@ -175,7 +178,8 @@ def _finer(
     """Return better whole places and whole heights of knots; the ends stay in place.
 
     Candidates are whole heights around what least squares wants at places beside; where the
-    curve is steep, the place moves to where no height needs rounding.
+    curve is steep, the place moves to where no height needs rounding. Heights lie within one
+    step of that, and the last one, which is held beyond, is the nearest.
     """
     heights, count = np.round(curve.heights(places)), len(places)
     lines = places[:-1], places[1:], heights[:-1], heights[1:]
@@ -185,9 +189,8 @@ def _finer(
         gap = reach * np.diff(places, prepend=places[0], append=places[-1])[:, None]
         near = places[:, None] + _STEPS * np.where(_STEPS > 0, gap[1:], gap[:-1])
         near[[0, -1]] = places[[0, -1], None]
-        level = np.interp(np.column_stack([places, near]), curve.place, curve.height)
-        rise = level[:, 1:] - level[:, :1]
-        target = (rise + curve.heights(places)[:, None])[:, :, None]
+        lift = curve.heights(places) - np.interp(places, curve.place, curve.height)
+        target = (np.interp(near, curve.place, curve.height) + lift[:, None])[..., None]
         aside = max(1.0, np.round(2.0 * reach * typical))
         rounded = np.floor(target) + aside * np.arange(-1.0, 3.0)
         shift = (rounded - target) / np.interp(near, curve.place, slope)[:, :, None]
@@ -195,6 +198,9 @@ def _finer(
         trials = np.round(near[:, :, None] + np.clip(shift, -limit, limit))
         x = np.column_stack([places, trials.reshape(count, -1)])
         y = np.column_stack([heights, rounded.reshape(count, -1)])
+        wanted = np.interp(x, curve.place, curve.height) + lift[:, None]
+        y = np.clip(y, np.floor(wanted + 1.0 - aside), np.ceil(wanted + aside - 1.0))
+        y[-1] = np.round(wanted[-1])
         costs = curve.misfit(x[:-1, :, None], x[1:, None], y[:-1, :, None], y[1:, None])
         best = np.arange(count), _cheapest(list(costs))
         places, heights = x[best], y[best]

@@ -99,6 +99,21 @@ def test_knots_go_where_whole_currents_are_on_the_curve() -> None:
     assert knots.rms <= 0.25 * np.sqrt(2 / 3) * 0.05 / np.sqrt(12)
 
 
+@pytest.mark.parametrize("unit", [0.5, 0.1, 0.01, 0.001])
+def test_entries_are_roundings_of_a_law_that_lines_can_follow(unit: float) -> None:
+    time = np.arange(0.0, 40.0, 1e-3)
+    motion = 50.0 * np.sin(2.0 * np.pi * time / 6.0) * np.sin(2.0 * np.pi * time / 37.0)
+    driven = np.abs(np.gradient(motion, time))
+    speed = np.linspace(0.5, 80.0, 240)  # few are as fast as 52 mm/s, none is faster
+    weight = np.histogram(driven, np.append(speed, 81.0))[0].astype(float)
+    curve = 0.15 + 0.0015 * speed
+    knots = place_knots(speed, curve, weight, entries=20, unit=unit)
+    law = np.interp(knots.velocity / 1000.0, speed, curve) / unit
+    assert np.abs(knots.out - law).max() < 1.0
+    # It is held beyond, so the nearest; half a unit and the rounding of the arithmetic.
+    assert abs(knots.out[-1] - law[-1]) <= 0.5 + 1e-9
+
+
 def test_knots_of_a_narrow_range_have_velocities_of_their_own() -> None:
     speed = np.linspace(0.010, 0.030, 60)  # 20 list units for 18 knots
     curve = 2.0 + 0.5 * np.sin(speed * 900.0)
@@ -119,6 +134,17 @@ def test_speeds_that_nobody_drove_have_no_say() -> None:
     error = knots.current(slow) - stribeck(slow)
     # The knots may also serve the way up to the last, unmeasured one: one knot fewer.
     assert np.sqrt(np.mean(error**2)) <= 2.0 * clean.rms
+
+
+def test_lines_through_speeds_that_were_driven_once_stay_at_the_law() -> None:
+    speed = np.geomspace(
+        0.05, 300.0004, 240
+    )  # the last entry is at the next whole µm/s
+    weight = np.where(speed > 10.0, 1e-6, 1.0)
+    knots = place_knots(speed, stribeck(speed), weight, entries=8, unit=0.1)
+    # Half a unit of rounding, and a law that bends by as much there; an entry at a whole
+    # µm/s is off by 0.005 A/(mm/s) times less than that.
+    assert np.abs(knots.current(speed) - stribeck(speed)).max() <= 0.1 + 5e-6
 
 
 def test_more_entries_never_follow_the_curve_worse() -> None:
