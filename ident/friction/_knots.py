@@ -172,14 +172,11 @@ def _cheapest(costs: list[np.ndarray]) -> Int[np.ndarray, " k"]:
     return np.array(path[::-1])
 
 
-def _finer(
-    curve: _Curve, places: Float[np.ndarray, " k"]
-) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
+def _finer(curve: _Curve, places: Trace) -> tuple[Trace, Trace]:
     """Return better whole places and whole heights of knots; the ends stay in place.
 
-    Candidates are whole heights around what least squares wants at places beside; where the
-    curve is steep, the place moves to where no height needs rounding. Heights lie within one
-    step of that, and the last one, which is held beyond, is the nearest.
+    Candidates are whole heights beside what least squares wants at places near by, and places
+    where none needs rounding; the last height, which is held beyond, is the nearest.
     """
     heights, count = np.round(curve.heights(places)), len(places)
     lines = places[:-1], places[1:], heights[:-1], heights[1:]
