@@ -199,6 +199,16 @@ def _probe_of_job(
         named = getattr(fit, "masters", None) or [getattr(fit, "master", fit.axis)]
         masters = tuple(spec.axes[master].number for master in named)
         probed[number, fit.compensation] = Probed(number, fit.compensation, masters)
+    names = {axis.number: name for name, axis in spec.axes.items()}
+    for number, name in sorted(probed):
+        for partner in spec.partners(names[number]):
+            if (spec.axes[partner].number, name) not in probed:
+                probed.pop((number, name), None)
+                remarks.append(
+                    f"{names[number]}, {name}: not probed, as its gantry partner {partner} has"
+                    f" none: one of both alone twists the gantry. Fit {partner} as well"
+                    f' ([[fits]] with axis = "{partner}"), or give its list.'
+                )
     tables = [probed[key] for key in sorted(probed)]
     existing = machine_lists(lists).compensation
     return make_probe(axes, tables, job.conventions, existing, remarks), paths

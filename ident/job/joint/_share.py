@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 MOST = 4
 """Values that are named one by one."""
+_FEW = 0.05
+"""Share of the readings up to which it is no matter that they are left out."""
 TOGETHER = "Identified "
 """How the remark begins that says with what a fit was identified."""
 
@@ -160,7 +162,8 @@ class Share:
             if beside
             else f"{TOGETHER}in group {group!r}, alone on {self.axis}."
         )
-        said = [*self._unlisted(), *self._wandering(), *self.recording.remarks]
+        said = [*self._unlisted(), *self._wandering(), *self._incomplete()]
+        said += self.recording.remarks
         return [Remark.info(words), *said]
 
     def _wandering(self) -> Iterator[Remark]:
@@ -181,9 +184,21 @@ class Share:
             sums = np.sum([part.contribution[self.rows] for part in parts], axis=0)
             names = " and ".join(part.name for part in parts)
             size = group.members[self.number].small(float(np.std(sums)))
+            remain = f"its {size} rms remain on the machine"
+            if any(undetermined_values(part, group.fit) for part in parts):
+                remain = "how much of it remains on the machine no reading tells"
             yield Remark.warning(
-                f"These figures take the {names} off, which stands in no list: its {size} rms"
-                " remain on the machine."
+                f"These figures take the {names} off, which stands in no list: {remain}."
+            )
+
+    def _incomplete(self) -> Iterator[Remark]:
+        """Yield how many readings lack something that the group follows."""
+        read = int(np.isfinite(self.recording.data.error[self.axis]).sum())
+        if missed := read - int(np.count_nonzero(self.rows)):
+            yield Remark(
+                "warning" if missed > _FEW * read else "info",
+                f"{missed} of {read} readings of {self.axis} were left out: they lack a value"
+                " that the group follows (a position, a temperature).",
             )
 
 

@@ -281,3 +281,20 @@ def test_zeros_of_measurements_that_went_one_way_each_hide_a_backlash(
     (tmp_path / "job.toml").write_text(text + fits)
     said = left_out(run_job(tmp_path / "job.toml", tmp_path / "out"))
     assert "cannot tell the backlash of X and the runs of X" in said["backlash"]
+
+
+def test_readings_of_a_group_that_lack_a_temperature_are_counted(
+    tmp_path: Path, rising: dict[str, np.ndarray]
+) -> None:
+    rng = np.random.default_rng(7)
+    rising["X.position"] = x = rng.uniform(0.0, 400.0, ROWS)
+    warm = rising["temperature.scale"]
+    rising["X.error"] = screw(x) + 1.1e-5 * (warm - 20) * x + noise()
+    rising["temperature.scale"] = np.where(np.arange(ROWS) % 10 < 3, np.nan, warm)
+    fits = entry("leadscrew", "X", LINE, "x") + entry("temperature", "X", WARM, "x")
+    path = job(tmp_path, rising, fits)
+    text = (tmp_path / "data.csv").read_text().replace("nan", "")
+    (tmp_path / "data.csv").write_text(text)
+    for one in run_job(path, tmp_path / "out").fits:
+        said = " ".join(remark.message for remark in one.remarks)
+        assert "120 of 400 readings of X were left out: they lack a value" in said

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from axcomp.data.lists import ListFile
+from axcomp.ident.cli import main
 
 from .mill import LIST_UNIT, NOISE, column, cross_list, fit, table
 
@@ -253,6 +254,20 @@ def test_gantry_whose_partner_has_its_own_list_passes(tmp_path: Path) -> None:
     assert fit(tmp_path, GANTRY.format(partner='list = "achskw4.lis"')) == 0
     whole = json.loads((tmp_path / "out" / "result.json").read_text())["whole"]["Y"]
     assert [c["passed"] for c in whole["gate"] if c["name"] == "gantry"] == [True]
+
+
+def test_half_a_gantry_is_not_probed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    gantry(tmp_path)
+    gantry(tmp_path, name="far")
+    for text, passes in ((GANTRY.format(partner=""), False), (BOTH, True)):
+        (tmp_path / "job.toml").write_text(text)
+        out = tmp_path / f"probe{passes}"
+        made = main(["probe", str(tmp_path / "job.toml"), "--out", str(out)]) == 0
+        assert made == passes
+    said = " ".join(capsys.readouterr().err.split())
+    assert "its gantry partner Y2 has none: one of both alone twists the gantry" in said
 
 
 def test_gantry_whose_partner_has_its_list_switched_off_says_what_to_set(
