@@ -288,11 +288,16 @@ def _event(
     file: Path, line: int, row: int, axis: int | None, text: str
 ) -> "ControllerEvent":
     from ...data.lists import ListFile
+    from ...data.measurements import LineError
     from ..exchange import ControllerEvent, parse_action
 
     where = f"{file}:{line}"
     if text.upper().startswith(_RELOAD):
         listing = ListFile.read(file.parent / text[len(_RELOAD) :].strip())
+        number = listing.integer("kopf.achs_nr")
+        if axis is not None and number not in (None, axis):
+            found, expected = f"a list of axis {number}", f"one of axis {axis}"
+            raise LineError(str(file), line, f"{text!r}, {found}", expected)
         return ControllerEvent(row, "reload", axis, listing=listing, where=where)
     action, names = parse_action(text, where)
     return ControllerEvent(row, action, axis, names, where=where)

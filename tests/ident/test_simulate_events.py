@@ -261,6 +261,7 @@ def test_command_takes_a_column_of_the_motion(folder: Path) -> None:
         ("time,axis,event\n0,Q,HOMED\n", "e.csv:2: found axis 'Q', expected A1, A2"),
         ("time,axis\n0,3\n", "found columns time, axis, expected event"),
         ("time,event\n0,RELOAD none.lis\n", "none.lis: No such file"),
+        ("time,axis,event\n0,A1,RELOAD new.lis\n", "expected one of axis 1"),
     ],
 )
 def test_bad_events_end_in_one_line(
