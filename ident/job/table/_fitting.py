@@ -33,7 +33,7 @@ from ._layout import grid_words, suit
 from ._log_draft import fit_log
 from ._log_readings import in_pieces
 from ._passes import as_passes_differ, nearest_node, of_both_ways
-from ._plan import Plan
+from ._plan import Plan, missing_way
 from ._readings import read_fit, with_one_zero
 from ._remarks import LOG, doubt_of_places, limit_remarks, outside
 from ._run_remarks import SEEN, TINY
@@ -170,7 +170,7 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
     if branch is not None:
         fewest = int(np.bincount(branch, minlength=2).min())
         if not fewest:
-            missing = "−" if not np.any(branch) else "+"
+            missing = missing_way(1 - 2 * branch)
             reason = (
                 f"found no reading in {missing} direction of {plan.axis}, expected both"
                 " directions for bilateral = true"

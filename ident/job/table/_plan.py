@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float, Int, Num
 
 from ....data.lists import ListFile
 from ...exchange import AbstractTable, ExchangeError, Model, refuse_lost_nodes
@@ -68,13 +68,11 @@ class Plan(AbstractPlan):
             if len(place) and not np.ptp(place) > 0:
                 return f"All readings stand at {place[0]:g} along {name}."
         if self.table.branches > 1:
-            way = data.direction[self.axis][read]
-            for sign, word in ((1, "+"), (-1, "−")):
-                if not np.any(way == sign):
-                    return (
-                        f"No reading in {word} direction of {self.axis}: a table for each"
-                        " direction (bilateral = true) needs both."
-                    )
+            if missing := missing_way(data.direction[self.axis][read]):
+                return (
+                    f"No reading in {missing} direction of {self.axis}: a table for each"
+                    " direction (bilateral = true) needs both."
+                )
         return ""
 
     def undetermined(self, data: "JointData") -> str:
@@ -204,6 +202,13 @@ class Plan(AbstractPlan):
         if not self.active or self.old is None:
             return np.zeros(len(positions))
         return self.table.offset(self.old, positions, branch)
+
+
+def missing_way(direction: Num[np.ndarray, " t"]) -> str:
+    """Return the sign of the direction in which nothing was read, or nothing."""
+    if not np.any(direction > 0):
+        return "+"
+    return "" if np.any(direction < 0) else "−"
 
 
 def plan(tables: Tables, index: int, fit: TableSpec) -> Plan:

@@ -65,7 +65,7 @@ def _torn_remarks(draft: "TableDraft") -> Iterator[Remark]:
 
 def _zero_of_each_direction(draft: "TableDraft") -> Iterator[Remark]:
     """Return a doubt where each direction has a zero of its own: the lost motion is not in it."""
-    readings, (way, places) = draft.readings, (draft.readings.direction, draft.fit.over)
+    readings, way = draft.readings, draft.readings.direction
     if way is None or draft.plan.table.branches == 1 or len(np.unique(way)) < 2:
         return
     lost = (
@@ -81,7 +81,7 @@ def _zero_of_each_direction(draft: "TableDraft") -> Iterator[Remark]:
             "Each direction was measured by itself, with a zero of the instrument's (remove):"
             f" {lost}"
         )
-    elif places == (draft.axis,) and not draft.plan.table.periodic:
+    elif draft.fit.over == (draft.axis,) and not draft.plan.table.periodic:
         place = readings.positions[:, 0]
         first = (way > 0) & (place == place[way > 0].min())
         last = (way < 0) & (place == place[way < 0].max())

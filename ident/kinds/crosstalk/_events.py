@@ -497,17 +497,17 @@ def without_delay(data: JointData, form: Crosstalk) -> tuple[JointData, float]:
 
 
 def from_place(
-    data: JointData, form: Crosstalk, events: Events
+    data: JointData,
+    form: Crosstalk,
+    events: Events,
+    place: Float[np.ndarray, " t"],
 ) -> tuple[float, Float[np.ndarray, " n"]]:
     """Return the slope of the error over the master, and what of each event is its doing, in mm.
 
     The slope is that of the readings in which the master does not accelerate, beside a drift;
-    0 where it is no large part of what changes there.
+    0 where it is no large part of what changes there. The place is how far the master has gone.
     """
     time, error = data.clock_for(form.name), data.error[form.axis]
-    _, speed, *_ = form.columns_of(data)
-    place = np.zeros(len(time))
-    place[1:] = np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(time))
     rest = (_shares_of(data, form)[1] < 0) & np.isfinite(error)
     nothing = 0.0, np.zeros(len(events))
     if rest.sum() < _ROWS * len(events):

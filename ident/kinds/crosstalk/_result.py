@@ -169,7 +169,7 @@ def remarks_of(draft: "CrosstalkDraft", gate: Sequence[GateCheck]) -> Iterator[R
             " lengths."
         )
     yield from _of_the_logs(draft)
-    slope, made = from_place(log, draft.found.effect, draft.found.events)
+    slope, made = from_place(log, draft.found.effect, draft.found.events, gone)
     size = float(np.sqrt(np.mean(np.square(made))))
     whole = float(np.sqrt(np.mean(np.square(draft.found.events.value))))
     if size > _OF_PLACE * whole:
