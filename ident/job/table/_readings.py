@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 _FLANKS, _SURE = 5, 4.0
 """Places read from both sides, and deviations of what lies between, that tell a lost motion."""
+_STOOD = 1e-3
+"""Share of a table within which a measurement stood at one place."""
 
 
 def read_fit(
@@ -62,9 +64,32 @@ def read_fit(
     late = joined([rows.measured.late.get(axis) for rows in recording.rows.values()])
     every = np.ones(len(error), dtype=bool)
     readings = recording.readings(plan.fit.over, axis, error, every)
+    _refuse_standing(plan, readings)
     measured = [rows.measured for rows in recording.rows.values()]
     remarks += wander_remarks(plan, measured, readings)
     return dataclasses.replace(readings, late=late), remarks
+
+
+def _refuse_standing(plan: "Plan", readings: Readings) -> None:
+    """Refuse measurements each of which stood at one place and has a zero of its own.
+
+    Raises:
+        JobError: They say nothing of what lies between their places.
+    """
+    specs, fit = plan.job.spec.measurements, plan.fit
+    reach = [float(np.ptp(nodes.positions)) for nodes in plan.table.nodes]
+    for name, rows in readings.slices.items():
+        moved = np.ptp(readings.positions[rows], axis=0) > _STOOD * np.array(reach)
+        if specs[name].remove == "none" or moved.any():
+            return
+    if len(readings.slices) > 1:
+        over = " and ".join(fit.over)
+        reason = (
+            f"each of {', '.join(readings.slices)} stood at one place of {over} and has a zero of"
+            " its own (remove): they say nothing of the table. Expected one set-up that"
+            f' moves along {over}, or remove = "none" where all have the same zero.'
+        )
+        raise plan.job.error(("fits", plan.index), reason)
 
 
 def _unseen_flanks(

@@ -374,3 +374,25 @@ def test_parts_of_an_axis_have_one_datum_and_the_zeros_of_the_others_are_told(
     # Noise of 12 readings where the parts meet; the step between them was 50 µm.
     assert np.ptp(rest) < 3e-4
     assert rest[2] == pytest.approx(error(np.array([100.0]))[0], abs=2e-4)
+
+
+def test_set_ups_that_stood_at_one_place_each_say_nothing_of_a_cross(
+    tmp_path: Path,
+) -> None:
+    rng, text = np.random.default_rng(5), "[axes.X]\nnumber = 1\n[axes.Y]\nnumber = 2\n"
+    for y in (0, 100, 200):
+        error = 1e-5 * y + 0.003 * rng.normal() + 3e-4 * rng.normal(size=5)
+        rows = "".join(f"{50 * k},{y},{e:.6f}\n" for k, e in enumerate(error))
+        (tmp_path / f"{y}.csv").write_text("x,y,e\n" + rows)
+        text += (
+            f'[measurements.at{y}]\nfile = "{y}.csv"\nremove = "offset"\n'
+            'columns = { "X.position" = "x", "Y.position" = "y", "X.error" = { column = "e",'
+            ' unit = "mm" } }\n'
+        )
+    text += (
+        '[[fits]]\ncompensation = "cross"\naxis = "X"\nmaster = "Y"\n'
+        'measurements = ["at0", "at100", "at200"]\nstart = 0.0\ninterval = 100.0\npoints = 3\n'
+    )
+    (tmp_path / "job.toml").write_text(text)
+    with pytest.raises(JobError, match="stood at one place of Y and has a zero of its"):
+        run_job(tmp_path / "job.toml", tmp_path / "out")
