@@ -156,6 +156,16 @@ def _check_places(view: ListView, positions: list[str], count: int) -> None:
             expected="each place once",
         )
         return
+    (a0, b0), (a1, b1) = pairs[0], pairs[-1]
+    if all((a - a0) * (b1 - b0) == (b - b0) * (a1 - a0) for a, b in pairs):
+        view.add(
+            "warning",
+            "the places of the tests lie on one line: what holds beside it, no test says",
+            positions[0],
+            place=view.value_place(first, 0),
+            found=f"{count} test{'s' * (count > 1)} on one line",
+            expected="three tests or more that span a surface, or mode 2 along one axis",
+        )
     turned = [(b, a) for a, b in pairs]
     if pairs != sorted(pairs) and turned != sorted(turned):
         view.add(

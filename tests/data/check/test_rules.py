@@ -380,7 +380,7 @@ RULES: list[tuple[str, str | Entries, Entries, list[Brief]]] = [
         {
             "kw.crosstalk.mode": 3,
             "kw.crosstalk.master_pos2_ax_nr": 2,
-            **{f"kw.crosstalk.position[{i}].ax_2": 0 for i in range(3)},
+            **{f"kw.crosstalk.position[{i}].ax_2": 7 * (i == 1) for i in range(3)},
         },
         [("error", "P-COMP-00081", 70658)],
     ),
@@ -389,7 +389,7 @@ RULES: list[tuple[str, str | Entries, Entries, list[Brief]]] = [
         "crosstalk",
         {
             "kw.crosstalk.mode": 3,
-            **{f"kw.crosstalk.position[{i}].ax_2": 0 for i in range(3)},
+            **{f"kw.crosstalk.position[{i}].ax_2": 7 * (i == 1) for i in range(3)},
         },
         [("error", "P-COMP-00081", 70657)],
     ),
@@ -403,6 +403,16 @@ RULES: list[tuple[str, str | Entries, Entries, list[Brief]]] = [
             **{f"kw.crosstalk.position[{i}].ax_2": 0 for i in range(3)},
         },
         [("error", "P-COMP-00085", 70660)],
+    ),
+    (
+        "mode 3 with its tests on one line",
+        "crosstalk",
+        {
+            "kw.crosstalk.mode": 3,
+            "kw.crosstalk.master_pos2_ax_nr": 4,
+            **{f"kw.crosstalk.position[{i}].ax_2": 5 for i in range(3)},
+        },
+        [("warning", "P-COMP-00085", None)],
     ),
     (
         "mode 3 without an order",

@@ -151,7 +151,7 @@ def test_number_of_crosstalk_tests(
         "kw.crosstalk.master_pos2_ax_nr": 4,
         "kw.crosstalk.max_points": count,
         **{f"kw.crosstalk.position[{i}].ax_1": 10 * i for i in range(count)},
-        **{f"kw.crosstalk.position[{i}].ax_2": 0 for i in range(count)},
+        **{f"kw.crosstalk.position[{i}].ax_2": i * i for i in range(count)},
         **{
             f"kw.crosstalk.position[{i}].{name}": 1
             for i in range(count)
