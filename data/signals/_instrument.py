@@ -11,7 +11,9 @@ from ._windows import Solution, Windows
 
 _LEAST_WINDOWS = 6
 _MOST_ROWS = 20_000
-_STEPS = 12
+_STEPS, _NEAR = 12, 0.05
+"""Steps at most, and the step in standard deviations that is the last: a reading that changes
+its side of a turn moves the delay by as much, to and fro."""
 _SURE = 3.0
 _INDEPENDENT = 0.003
 _DOUBT = 2.0
@@ -78,7 +80,7 @@ def estimate_instrument(
                 delay=float(np.clip(clock.delay + solution.delay, -longest, longest)),
                 rate=clock.rate + solution.rate / half,
             )
-            if abs(solution.delay) < 1e-3 * solution.deviation:
+            if abs(solution.delay) < _NEAR * solution.deviation:
                 break
         # A rate that does not show is none.
         if solution is None or abs(clock.rate) * half > _SURE * solution.rate_deviation:
