@@ -160,8 +160,16 @@ class Recording:
 
     @cached_property
     def knots(self) -> tuple[float, ...]:
-        """Knots of a free table in mm/s."""
-        return default_knots(self.speed, KNOTS)
+        """Knots of a free table in mm/s, at speeds that rows hold.
+
+        What an axis passes within a row, as at a turn, would take up what no law explains.
+        """
+        velocity, rows = self.samples.velocity, self.lowpass.centres[self.usable]
+        if self.factor > 1:
+            change = velocity[rows + self.factor] - velocity[rows - self.factor]
+            rows = rows[2.0 * np.abs(velocity[rows]) > np.abs(change)]
+        held = np.abs(velocity[rows])
+        return default_knots(held if held.any() else self.speed, KNOTS)
 
     @cached_property
     def speed_range(self) -> tuple[float, float]:

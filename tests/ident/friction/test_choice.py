@@ -116,6 +116,20 @@ def test_a_slow_recording_shows_the_fall_that_an_exponent_of_two_misses() -> Non
     np.testing.assert_allclose(np.asarray(fit.law.evaluate(slow)), truth, rtol=0.01)
 
 
+def test_speeds_that_are_passed_within_a_row_bend_no_table() -> None:
+    # Swings of 50 mm/s alone: each turn passes 2 mm/s in a row of 10 ms, and 0.05 mm/s of it
+    # in no time. A table with knots there said 0.22 A at 0.3 mm/s and 1.0 at 1 mm/s.
+    time = 0.001 * np.arange(30_000)
+    position = 60 * np.sin(0.2 * np.pi * time) + 10 * np.sin(2 * np.pi * time / 1.3)
+    velocity = np.gradient(position, time)
+    acceleration = np.gradient(velocity, time)
+    current = 0.8 * np.tanh(velocity / 0.05) + 0.004 * velocity + 6e-4 * acceleration
+    current += 0.02 * np.random.default_rng(1).normal(size=time.size)
+    fit = choose_law(DriveSamples(time, velocity, current, acceleration)).fit
+    slow = np.array([0.3, 1.0, 2.0])
+    np.testing.assert_allclose(fit.friction(slow), 0.8 + 0.004 * slow, rtol=0.02)
+
+
 def test_deviations_know_that_the_law_is_none_of_the_kinds() -> None:
     samples, speed = recording(), np.geomspace(0.5, 190.0, 200)
     inside, plain = [], []
