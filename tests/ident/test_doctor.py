@@ -152,6 +152,18 @@ def two_way(
     return found
 
 
+def test_lost_motion_that_came_since_is_no_fault_of_a_list_without_directions() -> None:
+    rng = np.random.default_rng(4)
+    lost = 0.008 * (WAY < 0)
+    before, after = (
+        [Measured(1, {1: X}, values + 5e-4 * rng.normal(size=X.size), WAY)]
+        for values in (error(X), -lost)
+    )
+    (found,) = diagnose([LIST], before, after, Reading(Conventions()))
+    assert (found.verdict, found.sign) == ("right", 1)
+    assert "beside a difference of the directions that no list adds" in found.sentence
+
+
 @pytest.mark.parametrize(
     ("missing", "verdict", "words"),
     [
@@ -549,6 +561,28 @@ def test_the_master_along_which_a_plane_is_shifted_is_named_as_in_the_job() -> N
     (found,) = diagnose([listing], before, after, Reading(Conventions()), names=names)
     assert found.verdict == "shift"
     assert found.sentence == "table applied 25.0 mm further along U"
+
+
+def test_a_plane_that_was_measured_with_another_set_up_is_right_beside_a_slope() -> (
+    None
+):
+    rng = np.random.default_rng(6)
+    table = np.rint(200 * rng.normal(size=(7, 9))).astype(int)
+    listing = ListFile.parse(plane_list(table), "achskw5.lis")
+    ends = np.arange(0, 401.0, 20), np.arange(0, 301.0, 20)
+    u, v = (each.ravel() for each in np.meshgrid(*ends))
+    law = RegularGridInterpolator(
+        (50.0 * np.arange(7), 50.0 * np.arange(9)), 1e-4 * table
+    )
+    added = law(np.stack([v, u], axis=-1)) + 2e-4 * u  # a straightedge at 0.2 mm/m
+    before, after = (
+        [Measured(5, {11: u, 12: v}, values + 1e-4 * rng.normal(size=u.size), None)]
+        for values in (0.0 * u, added)
+    )
+    (found,) = diagnose([listing], before, after, Reading(Conventions()))
+    assert (found.verdict, found.sign) == ("right", 1)
+    assert found.sentence.endswith("beside a slope that no list adds (the set-up of the"
+                                   " instrument?)")  # fmt: skip
 
 
 @pytest.mark.parametrize("along", [0, 1])

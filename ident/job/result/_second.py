@@ -37,8 +37,9 @@ _LEFT = 5.0
 _BESIDE = 4
 """Neighbours, itself among them, that judge a place that was read once."""
 
-_FINER = 0.05
-"""Part of what is predicted below which no second readings lie."""
+_FINER, _COARSER = 0.05, 5.0
+"""Part of what is predicted below which no second readings lie; multiple of what the first ones
+and the list scatter by above which none lie that do not follow the list."""
 
 _WHOLE, _GAP, _WIDER = 0.8, 0.15, 2.5
 """Share of the travel from which on a second measurement speaks for all of it; share of it that
@@ -256,9 +257,9 @@ class SecondMeasurement:
     def check_scatter(
         self, first: Float[np.ndarray, " s"], predicted: float, unit: str
     ) -> None:
-        """Refuse readings that are too good to be of the machine: of another unit, or column.
+        """Refuse readings too good or too bad to be of the machine: of another unit, or column.
 
-        Such ones would prove any list, also one that doubles the error.
+        The former would prove any list, also one that doubles the error.
 
         Args:
             first: Error in the first measurement, in mm or °.
@@ -282,21 +283,39 @@ class SecondMeasurement:
                     "readings of the machine: is their unit right, and their column (columns)",
                 )
 
+        # Such an error that does not follow the list is none that a list makes, whatever it does.
+        known = float(np.std(first) + (np.std(self.adds) if self.adds.size else 0.0))
+        if np.isfinite(rest := self._rest) and rest > _COARSER * known:
+            raise SecondMeasurementError(
+                self.name,
+                f"readings of the error that scatter by {1e3 * rest:.3g} {unit} beside what the"
+                f" list adds, where the first ones and the list did by {1e3 * known:.3g} {unit}",
+                "readings of the machine: is their unit right, and their column (columns)",
+            )
+
     @property
     def _scatter(self) -> float:
         """How readings scatter in mm or °, by repeats, or about all that the list may add."""
         repeats = np.inf
         if self.run is not None:  # within one, a log stands still for many readings
             repeats = scatter_of(self.positions, self.error, self.direction)
+        # A tenth of a bare error lies near the list as no machine does.
+        return min(repeats, self._rest)
+
+    @property
+    def _rest(self) -> float:
+        """What is left beside a zero, slopes and all that the list may add, rms in mm or °.
+
+        Infinity where the list adds nothing that is known, or readings are few.
+        """
         if not self.adds.size:
-            return repeats
+            return np.inf
         columns = [np.ones(len(self.error)), self.positions, self.adds]
         known, error = np.column_stack(columns)[self.sound], self.error[self.sound]
         if (free := len(error) - known.shape[1]) < MANY:
-            return repeats
-        # A tenth of a bare error lies near the list as no machine does.
+            return np.inf
         rest = error - known @ np.linalg.lstsq(known, error)[0]
-        return min(repeats, float(np.sqrt(rest @ rest / free)))
+        return float(np.sqrt(rest @ rest / free))
 
     @property
     def figures(self) -> ErrorFigures:

@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -137,6 +137,28 @@ class Scene:
             names=self.names,
         )
         return use.kind.log_channel(use, motion, self.reading)
+
+    def with_free(
+        self, axis: int, columns: Sequence[Float[np.ndarray, " g"]]
+    ) -> "Scene":
+        """Return what was measured, further columns free in the change of an axis."""
+        change = self.changes[axis]
+        free = np.column_stack([change.free, *columns])
+        changes = {**self.changes, axis: dataclasses.replace(change, free=free)}
+        return dataclasses.replace(self, changes=changes)
+
+    def alike_both_ways(self, use: InUse) -> bool:
+        """Return whether a compensation adds the same to its axis in both directions."""
+        change, columns = self.changes[use.axis], list[np.ndarray]()
+        for sign in (1, -1):
+            way = np.full(len(change.change), sign)
+            moved = {
+                **self.changes,
+                use.axis: dataclasses.replace(change, direction=way),
+            }
+            channel = dataclasses.replace(self, changes=moved).channel(use, use.axis)
+            columns.append(channel.column(channel.plain))
+        return np.array_equal(*columns)
 
     def target(self, use: InUse, axis: int) -> Target:
         """Return the change of an axis as what a compensation may have added to it.

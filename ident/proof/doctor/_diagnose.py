@@ -3,7 +3,7 @@
 import dataclasses
 import math
 import operator
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -21,6 +21,9 @@ SURE = 0.99
 
 _LESS = 0.7
 """Share of what the best fault leaves of a change, below which a slope beside the list is one."""
+
+_BENT = 0.5
+"""Share of what a list adds that is no slope over its masters, from which on one is told from it."""
 
 _FEWEST = 4
 """Places that an axis must have been measured at, both times."""
@@ -89,40 +92,60 @@ def diagnose(
 
     def judged(use: InUse) -> Diagnosis:
         if use.axis not in blurred:
-            return _but_for_a_slope(use, scene, _judged(use, scene, False))
+            return _but_for_the_machine(use, scene, _judged(use, scene, False))
         if use in two_sided:
-            every = changes[use.axis].positions
-            return _judged(use, _with_slope(scene, use.axis, every), False)
+            every = changes[use.axis].positions.values()
+            return _judged(use, scene.with_free(use.axis, [*every]), False)
         return _judged(use, scene, True)
 
     return tuple(map(judged, switched_uses))
 
 
-def _but_for_a_slope(use: InUse, scene: Scene, diagnosis: Diagnosis) -> Diagnosis:
-    """Return a diagnosis; right where a slope beside the list explains more than any fault.
+def _but_for_the_machine(use: InUse, scene: Scene, diagnosis: Diagnosis) -> Diagnosis:
+    """Return a diagnosis; right where what no list adds explains more than any fault.
 
-    An axis that has warmed up since has one, over its own positions.
+    An axis that has warmed up since has a slope over its own positions, a straightedge that was
+    set up anew one over its masters', and a screw that wore lies apart by directions, which a
+    list that knows none cannot make.
     """
-    own = {use.axis} & scene.changes[use.axis].positions.keys() - scene.reading.modulo
-    if diagnosis.verdict == "right" or not own:
+    change = scene.changes[use.axis]
+    linear = change.positions.keys() - scene.reading.modulo
+    own, over = {use.axis} & linear, {*use.masters} & linear - {use.axis}
+    column = scene.columns[use.axis, use.name]
+    places = [np.ones(len(column)), *(change.positions[k] for k in over)]
+    plain = np.stack(places, axis=1)
+    if np.std(column - plain @ np.linalg.lstsq(plain, column)[0]) < _BENT * np.std(
+        column
+    ):
+        over = set[
+            int
+        ]()  # most of the list is a slope itself: turned round it is another
+    beside = [
+        (scene.with_free(use.axis, [change.positions[k] for k in sorted(axes)]), words)
+        for axes, words in (
+            (own, "a slope that no list adds (temperature?)"),
+            (over, "a slope that no list adds (the set-up of the instrument?)"),
+        )
+        if axes
+    ]
+    way = change.direction
+    if way is not None and np.ptp(way) and scene.alike_both_ways(use):
+        words = "a difference of the directions that no list adds (backlash?)"
+        beside.append((scene.with_free(use.axis, [way.astype(float)]), words))
+    if diagnosis.verdict == "right":
         return diagnosis
-    sloped, left = _with_slope(scene, use.axis, own), []
-    free = _judged(use, sloped, False)
-    for each in (scene, sloped):
-        found = search(each.channel(use, use.axis), each.target(use, use.axis))
-        left.append(np.median(np.abs(found.residual)))
-    if free.verdict != "right" or left[1] > _LESS * left[0]:
-        return diagnosis
-    words = f"{free.sentence}, beside a slope that no list adds (temperature?)"
-    return dataclasses.replace(free, sentence=words)
 
+    def left(scene: Scene) -> float:
+        found = search(scene.channel(use, use.axis), scene.target(use, use.axis))
+        return float(np.median(np.abs(found.residual)))
 
-def _with_slope(scene: Scene, axis: int, over: Collection[int]) -> Scene:
-    """Return what was measured, a slope over positions free: a temperature line has one."""
-    change = scene.changes[axis]
-    free = np.column_stack([change.free, *(change.positions[each] for each in over)])
-    changes = {**scene.changes, axis: dataclasses.replace(change, free=free)}
-    return dataclasses.replace(scene, changes=changes)
+    for freed, words in beside:
+        free = _judged(use, freed, False)
+        if free.verdict == "right" and left(freed) <= _LESS * left(scene):
+            return dataclasses.replace(
+                free, sentence=f"{free.sentence}, beside {words}"
+            )
+    return diagnosis
 
 
 def not_judged(

@@ -137,14 +137,15 @@ def test_load_sheet_begins_with_a_dial_and_ends_with_the_second_measurement(
 
 @pytest.mark.parametrize(
     ("times", "added"),
-    [(1e-3, -1.0), (1 / 25.4, -1.0), (0.0, -1.0), (0.1, 0.0), (0.1, 2.0)],
+    [(1e-3, -1.0), (1 / 25.4, -1.0), (0.0, -1.0), (0.1, 0.0), (0.1, 2.0), (1e3, 1.0)],
 )
-def test_readings_too_good_to_be_of_the_machine_prove_no_list(
+def test_readings_too_good_or_bad_to_be_of_the_machine_judge_no_list(
     job: Path, times: float, added: float, capsys: pytest.CaptureFixture[str]
 ) -> None:
     # Millimetres, or inches, taken for what they are not; or a column that stands at zero. The
     # sign is the wrong one: the list doubles the error. A tenth of the error of a list that was
-    # not loaded, or acts twice, lies near what a right one leaves.
+    # not loaded, or acts twice, lies near what a right one leaves. Micrometres taken for
+    # millimetres speak against a list that is right.
     after = after_job(job.parent, added)
     head, *rows = (job.parent / "after.csv").read_text().splitlines()
     lines = [row.split(",") for row in rows]
