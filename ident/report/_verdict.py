@@ -39,6 +39,8 @@ class Headline:
     sentence: str
 
 
+_STEADY = 0.5
+"""Range in °C of a temperature that stayed as it was."""
 _BETTER = 0.9
 """Error left, in that before, up to which it is called better."""
 _LOOK = {
@@ -242,6 +244,10 @@ def _near(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
 
 def _in_part(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
     fields, ask = reason.fields, "measure the rest of its travel again"
+    if "warmth" in fields:
+        ask = "measure again at the other temperatures" + " and places" * (
+            "axis" in fields
+        )
     clauses = _saw(fit, fields)
     if "slope" in fields:
         over = " and ".join(fields["slope"])
@@ -267,6 +273,10 @@ def _saw(fit: AbstractResult, fields: Mapping[str, Any]) -> list[str]:
         low, high = (f"{fields[name]:.4g}" for name in ("low", "high"))
         place = f"at {low}" if low == high else f"from {low} to {high}"
         where.append(f"{fields['axis']} {place} {unit}")
+    if "warmth" in fields:
+        sensor, low, high = fields["warmth"]
+        between = f"{low:.4g} to {high:.4g}" if high - low > _STEADY else f"{high:.4g}"
+        where.append(f"{sensor} at {between} °C")
     if "direction" in fields:
         where.append(f"motion in {'+' if fields['direction'] > 0 else '−'} direction")
     if where:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from axcomp.data.lists import ListFile, check
 from axcomp.data.measurements import MeasurementError
@@ -536,6 +537,21 @@ def test_an_offset_that_may_be_a_drift_is_doubted_however_sure_the_coefficient_i
     doubts = [each for each in said if "cannot tell" in each or "drifted" in each]
     assert len(doubts) == (words != "")
     assert all(words in each for each in doubts)
+
+
+def test_a_law_that_bends_is_no_drift(tmp_path: Path) -> None:
+    # Warm-up and cool-down; the offset grows with the square of the lagged temperature.
+    rng, time = np.random.default_rng(0), 60.0 * np.arange(360)
+    cooling = np.maximum(time - 0.5 * time[-1], 0.0)
+    warm = 8.0 * (1.0 - np.exp(-(time - cooling) / 3000.0)) * np.exp(-cooling / 3000.0)
+    lagged = lfilter([1.0 - np.exp(-0.1)], [1.0, -np.exp(-0.1)], warm)
+    place = np.linspace(0.0, 400.0, 5)[np.arange(360) % 5]
+    error = 0.02 * (lagged / 8.0) ** 2 + GROWTH * lagged * place
+    error += NOISE * rng.normal(size=360)
+    sensor = 20.0 + warm + 0.02 * rng.normal(size=360)
+    write(tmp_path, ("t", "x", "e", "frame"), (time, place, error, sensor))
+    said = run(tmp_path, keys='sensor = "frame"').remarks
+    assert not any("drifted" in each.message for each in said)
 
 
 def test_a_few_readings_of_a_warm_up_alone_may_be_a_drift_too(tmp_path: Path) -> None:

@@ -202,8 +202,8 @@ class SecondMeasurement:
         added: What the list adds at these readings, standard deviation in mm or °; None
             where only a diagnosis can tell that it acts.
         unseen: What these readings show nothing of and the first ones do, as the fields of
-            `Code.IN_PART`: a part of the travel in mm or °, the other direction of motion,
-            places between two, a slope, a zero.
+            `Code.IN_PART`: a part of the travel in mm or °, or of the temperatures, the
+            other direction of motion, places between two, a slope, a zero.
         before: Error of the first measurement without that slope, rms in mm or °; None: as
             it is.
         near: A place where its readings agree that far more is left, in words; empty: none.

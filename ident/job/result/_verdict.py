@@ -60,8 +60,9 @@ class Code(enum.StrEnum):
     """It does what it says, but at one place [where]."""
     IN_PART = "in_part"
     """The second measurement saw a part of the travel only [axis, low, high], or one direction
-    [direction], or nothing between two places [gap: axis, low, high], or no slope [slope: axes], or
-    not where the axis as a whole lies [zero: the convention that says it]."""
+    [direction], or some temperatures only [warmth: sensor, low, high], or nothing between two
+    places [gap: axis, low, high], or no slope [slope: axes], or not where the axis as a whole
+    lies [zero: the convention that says it]."""
     VERIFIED = "verified"
     """The second measurement shows what was predicted [file, sha256, date]."""
 

@@ -121,7 +121,8 @@ def fit_remarks(
         yield Remark.warning(f"Readings contradict their surroundings at {words}")
     yield from run_remarks(draft)
     if not fit.runs and draft.run_effects == "none":
-        if count <= _SPARSE * fit.support.size:
+        places = np.unique(draft.readings.positions.round(2), axis=0)
+        if count <= _SPARSE * min(fit.support.size, len(places)):
             clause = "is not in the standard deviations"
             if fit.line_offset:
                 clause = (
@@ -348,11 +349,17 @@ def _turn_remarks(draft: "TableDraft") -> Iterator[Remark]:
     free = max(len(error) - len(counts), 1)
     scatter = float(np.sqrt(np.sum((error - mean[cell]) ** 2) / free))
     apart = abs(float(np.mean(mean[::2] - mean[1::2])))
+    remedy = f"State {state}, or fit a backlash beside it."
+    if not hasattr(draft.fit, "bilateral"):
+        over = " and ".join(draft.fit.over)
+        remedy = (
+            f"No {draft.fit.compensation} list holds a difference of directions: look at the play"
+            f" and the guides of {over}."
+        )
     if apart > max(_TURNED * scatter, TINY):
         yield Remark.warning(
             f"{first} {draft.small(apart)} from {second} (those of a kind scatter by"
-            f" {draft.small(scatter)}): the table is the mean of both. State {state}, or fit a"
-            " backlash beside it."
+            f" {draft.small(scatter)}): the table is the mean of both. {remedy}"
         )
 
 

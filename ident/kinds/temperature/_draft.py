@@ -15,7 +15,7 @@ from ...core import FitError, regress
 from ...job._draft import AbstractDraft, Foreseen
 from ...job._gating import spread_over
 from ...job.result._result import Remark, staged
-from ...job.result._second import SecondMeasurement, near_of
+from ...job.result._second import SecondMeasurement, near_of, part_of
 from ...proof import GateCheck
 from ...proof.axis import check_switching
 from ...readings import Tables
@@ -211,10 +211,27 @@ class TemperatureDraft(AbstractDraft):
             error - zero,
             added=float(np.std(predicted)),
             adds=-predicted,
+            unseen=self._unseen(place, warmth),
             factor=factor,
             near=near,
             beyond=self._beyond(within),
         )
+
+    def _unseen(
+        self, place: Float[np.ndarray, " t"], warmth: Float[np.ndarray, "t s"]
+    ) -> dict[str, Any]:
+        """Return which part of the travel and of the temperatures readings saw, if not all."""
+        unseen, first = dict[str, Any](), self.found.position
+        law = self.found.laws.get("coefficient")
+        grows = law is not None and np.ptp(law.value) > 0.0
+        if first is not None and grows:
+            part = part_of((self.axis,), first[:, None], place[:, None])
+            unseen |= zip(("axis", "low", "high"), part or (), strict=part is not None)
+        for name, ends in self._ends.items():
+            warm = warmth[:, [self.found.sensors.index(name)]]
+            if part := part_of((name,), np.array(ends)[:, None], warm):
+                unseen["warmth"] = [*part]
+        return unseen
 
     @property
     def _ends(self) -> Mapping[str, tuple[float, float]]:

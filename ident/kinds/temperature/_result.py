@@ -382,7 +382,7 @@ def _drifted(
     lagged = any(lag.applied for lag in fit.lags)
     left, drifts = [], []  # with the lags as fitted, then without any
     for warm in (fit.structure, sensors)[: 1 + lagged]:
-        change = warm - warm.mean(axis=0)
+        change = np.hstack([warm - warm.mean(axis=0), *_bends(fit, warm)])
         columns = [span[:, None], np.ones((len(span), 1)), distance[:, None]]
         columns += [change, change * distance[:, None]]
         try:
@@ -400,6 +400,18 @@ def _drifted(
             " measurement: a part of that is in the law and in its lag. State the drift of"
             " the instrument (drift = … in a group), or measure for a shorter time."
         )
+
+
+def _bends(
+    fit: TemperatureFit, warm: Float[np.ndarray, "t s"]
+) -> Iterator[Float[np.ndarray, "t n"]]:
+    """Yield the functions of each temperature by which its laws are no straight lines."""
+    for name, at in zip(fit.sensors, warm.T, strict=True):
+        nodes = [law.temperature for law in fit.laws.values() if law.sensor == name]
+        longest = max(nodes, key=len, default=np.zeros(0))
+        hats = np.eye(len(longest))[1:-1]
+        bends = [np.interp(at, longest, hat) for hat in hats]
+        yield np.array(bends).reshape(-1, len(at)).T
 
 
 def _alike(fit: TemperatureFit) -> Iterator[Remark]:

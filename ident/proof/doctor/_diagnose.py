@@ -23,7 +23,7 @@ _LESS = 0.7
 """Share of what the best fault leaves of a change, below which a slope beside the list is one."""
 
 _BENT = 0.5
-"""Share of what a list adds that is no slope over its masters, from which on one is told from it."""
+"""Share of what a list adds that is no slope over its masters, from which on another is told."""
 
 _FEWEST = 4
 """Places that an axis must have been measured at, both times."""

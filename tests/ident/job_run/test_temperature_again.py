@@ -236,3 +236,30 @@ def test_of_a_table_beside_a_temperature_line_the_wrong_one_is_named(
         for fit in sorted(found, key=lambda fit: str(fit["compensation"]))
     ]
     assert tuple(each.get("verdict", each["code"]) for each in reasons) == said
+
+
+@pytest.mark.parametrize(
+    ("place", "warm", "said"),
+    [
+        (0.0, WARM, "which saw X at 0 mm only: measure the rest of its travel again"),
+        (PLACE, 20.0 + 0.4 * (WARM - 20.0), "which saw scale at 20 to 22.1"),
+        (PLACE, 24.0 + 0.0 * WARM, "which saw scale at 24 °C only"),
+    ],
+    ids=["at one place", "hardly warm", "at one temperature"],
+)
+def test_what_a_second_log_did_not_see_of_a_temperature_line_is_said(
+    place: np.ndarray | float, warm: np.ndarray, said: str, tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    out = tmp_path / "out"
+    job = write(tmp_path, "job", GROWTH, "[]", FIT)
+    run_job(job, out)
+    here = __name__
+    monkeypatch.setattr(f"{here}.PLACE", place + np.zeros(len(TIME)))
+    monkeypatch.setattr(f"{here}.WARM", warm)
+    growth = (4e-3 + 11e-6 * place) * (warm - 20.0)
+    after = write(tmp_path, "after", growth + added(out), '["temperature"]', "")
+    assert main(["fit", str(job), "--out", str(out), "--after", str(after)]) == 0
+    (one,) = json.loads((out / "result.json").read_text())["fits"]
+    assert (one["verdict"], one["reasons"][0]["code"]) == ("unproven", "in_part")
+    assert said in " ".join(capsys.readouterr().out.split())

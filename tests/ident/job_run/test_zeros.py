@@ -396,3 +396,36 @@ def test_set_ups_that_stood_at_one_place_each_say_nothing_of_a_cross(
     (tmp_path / "job.toml").write_text(text)
     with pytest.raises(JobError, match="stood at one place of Y and has a zero of its"):
         run_job(tmp_path / "job.toml", tmp_path / "out")
+
+
+def cross_said(folder: Path, x: np.ndarray, error: np.ndarray, points: int) -> str:
+    """Return what a job says of a cross table of Y over X, 0 to 200 mm."""
+    table(folder / "m.csv", "x,e", x, error)
+    (folder / "job.toml").write_text(
+        "[axes.X]\nnumber = 1\n[axes.Y]\nnumber = 2\n"
+        '[measurements.m]\nfile = "m.csv"\nremove = "none"\ncolumns = { "X.position" = "x",'
+        ' "Y.error" = { column = "e", unit = "mm" } }\n'
+        '[[fits]]\ncompensation = "cross"\naxis = "Y"\nmaster = "X"\nmeasurement = "m"\n'
+        f"start = 0.0\ninterval = {200.0 / (points - 1)}\npoints = {points}\n"
+    )
+    (cross,) = run_job(folder / "job.toml", folder / "out").fits
+    return " ".join(remark.message for remark in cross.remarks)
+
+
+def test_a_cross_that_lies_apart_by_directions_is_told_that_no_list_holds_that(
+    tmp_path: Path,
+) -> None:
+    x = np.tile(np.concatenate([NODES[:5], NODES[4::-1]]), 3)
+    seen = error(x) + 0.008 * (np.arange(x.size) // 5 % 2)
+    seen += 3e-4 * np.random.default_rng(4).normal(size=x.size)
+    said = cross_said(tmp_path, x, seen, 5)
+    assert "No cross list holds a difference of directions: look at the play" in said
+    assert "bilateral" not in said
+
+
+def test_places_that_were_read_twice_are_no_single_readings_of_a_fine_table(
+    tmp_path: Path,
+) -> None:
+    x = np.tile(np.linspace(0.0, 200.0, 21), 2)
+    seen = error(x) + 3e-4 * np.random.default_rng(4).normal(size=x.size)
+    assert "Nothing was measured twice" not in cross_said(tmp_path, x, seen, 41)
