@@ -484,8 +484,9 @@ def _settled_by(
         for rule in result.conventions:
             if rule.decides == "sign":
                 votes.setdefault(rule.name, set()).add(sign * int(rule.value))
-            elif rule.decides == "owner" and again.acts and sign > 0:
-                votes.setdefault(rule.name, set()).add(rule.value)
+            elif again.acts and sign > 0 and rule.decides in again.shows:
+                value = int(rule.value) if rule.decides == "zero" else rule.value
+                votes.setdefault(rule.name, set()).add(value)
     remarks = [
         Remark.warning(
             f"{name}: axes contradict each other, nothing is saved: one of the instruments"

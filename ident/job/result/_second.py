@@ -217,6 +217,7 @@ class SecondMeasurement:
             show that by themselves; else None.
         still: The same of the list that acted before, where it was told apart; else None.
         noise: How readings of the first measurement scatter in mm or °; 0: not known.
+        zero: Whether they show that the axis as a whole lies where it should.
     """
 
     name: str
@@ -240,6 +241,7 @@ class SecondMeasurement:
     factor: tuple[float, float] | None = None
     still: tuple[float, float] | None = None
     noise: float = 0.0
+    zero: bool = False
 
     def __post_init__(self) -> None:
         if self.error.size == 0 or not np.isfinite(self.error).all():
@@ -387,6 +389,12 @@ class MeasuredAgain:
             return False
         small = self.rms <= LESS * self.predicted
         return small and self.rms <= SHOWN * self.readings.added
+
+    @property
+    def shows(self) -> tuple[str, ...]:
+        """What beside the sign is seen of a list that acts as it says (`Convention.decides`)."""
+        zero = self.readings is not None and self.readings.zero
+        return ("owner", "zero") if zero else ("owner",)
 
     @property
     def is_wrong(self) -> bool:

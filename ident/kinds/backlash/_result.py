@@ -1,7 +1,7 @@
 """What a job found of the backlash of an axis, and what must be known of it."""
 
 import dataclasses
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from typing import Any, final
 
 import numpy as np
@@ -95,6 +95,13 @@ def change_along(width: float, sides: Sides) -> Dependence | None:
     return Dependence(probability, variation, slope, probability < _CHANCE and matters)
 
 
+FLANK = "backlash_reference"
+"""The convention that says which flank is right."""
+_TAKEN = Remark.warning(
+    "The axis is taken as right when it moves in positive direction (anwahl_losekomp 1), since"
+    " no axis list says otherwise. Where it was referenced or its tables were measured moving"
+    " the other way, 2 is right; the wrong one shifts all positions by the width."
+)
 _VAGUE, _SMALL = 0.5, 3e-4
 """Scatter of a reading, and mm or °, beyond which the deviation of a width tells nothing of it."""
 
@@ -126,6 +133,10 @@ class BacklashResult(AbstractResult):
     sides: Sides
     from_file: Float[np.ndarray, " t"]
     dependence: Dependence | None
+
+    def unsettled(self, settled: Collection[str]) -> tuple[Remark, ...]:
+        known = FLANK in settled
+        return tuple(one for one in self.remarks if not (known and one == _TAKEN))
 
     @property
     def subject(self) -> str:
@@ -224,12 +235,7 @@ def remarks_of(result: BacklashResult, listed: bool, active: bool) -> Iterator[R
             " backlash: measure again in another order to tell."
         )
     if not listed and result.significant:
-        yield Remark.warning(
-            "The axis is taken as right when it moves in positive direction"
-            " (anwahl_losekomp 1), since no axis list says otherwise. Where it"
-            " was referenced or its tables were measured moving the other way,"
-            " 2 is right; the wrong one shifts all positions by the width."
-        )
+        yield _TAKEN
     if active:
         yield Remark.info(
             "Backlash was active while measuring: the new size is old + what was left."

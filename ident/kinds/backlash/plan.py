@@ -21,7 +21,7 @@ from ...proof import GateCheck, reversal_checks
 from ...proof.axis import check_switching
 from ...readings import Tables
 from .._keys import FitSpec
-from ._result import BacklashResult, Sides, change_along, is_sure, remarks_of
+from ._result import FLANK, BacklashResult, Sides, change_along, is_sure, remarks_of
 from .entries import backlash_from_list, entries_of_backlash
 from .keys import Spec
 
@@ -34,8 +34,6 @@ _TARGETS = 60
 """Different positions up to which each has an error of its own."""
 _NODES = 24
 """Nodes of the error along the axis where the positions are all different."""
-_FLANK = "backlash_reference"
-"""The convention that says which flank is right."""
 
 
 def plan(tables: Tables, index: int, fit: Spec) -> "BacklashPlan":
@@ -193,9 +191,9 @@ class BacklashDraft(AbstractDraft):
         draft = plan.fit_single(tables, {})
         assert isinstance(draft, BacklashDraft)  # its own
         sides, width = sides_of(draft.share), float(self.share.part.values[0])
-        trend, moved = None, self._moved(draft)
-        unsettled = moved is None and _FLANK not in self.job.verified
-        moved = moved or 0.0
+        trend, moved_by = None, self._moved(draft)
+        unsettled = moved_by is None and FLANK not in self.job.verified
+        moved = moved_by or 0.0
         if abs(moved) > 0.5 * abs(width):
             # Nearer to what the other flank as the right one does.
             words = (
@@ -212,8 +210,9 @@ class BacklashDraft(AbstractDraft):
             sides.direction,
             wild=sides.wild,
             added=0.5 * abs(width),
-            unseen={"zero": _FLANK} if unsettled else {},
+            unseen={"zero": FLANK} if unsettled else {},
             trend=trend,
+            zero=moved_by is not None and trend is None and self._alone,
         )
 
     def _moved(self, again: "BacklashDraft") -> float | None:
@@ -227,15 +226,19 @@ class BacklashDraft(AbstractDraft):
             one.job.spec.measurements[k] for one in drafts for k in one.fit.sources
         ]
         owned = all(one.remove == "none" and one.datum is None for one in specs)
-        others = [fit for fit in self.job.spec.fits if fit.axis == self.axis]
         acting = {frozenset({*one.active} - {self.compensation}) for one in specs}
-        if owned and len(others) > 1:
+        if owned and not self._alone:
             return 0.0
         if not owned or len(acting) > 1:
             return None
         before, after = (one.middle for one in drafts)
         width = float(self.share.part.values[0])
         return after - (before - 0.5 * self.plan.reference * width)
+
+    @property
+    def _alone(self) -> bool:
+        """Whether the job has no other fit of the axis."""
+        return [fit.axis for fit in self.job.spec.fits].count(self.axis) == 1
 
     @property
     def middle(self) -> float:

@@ -747,6 +747,11 @@ def test_a_backlash_with_the_other_flank_is_not_verified(
     assert backlash_again(tmp_path, flank, "none") == code
     said = " ".join(capsys.readouterr().out.split())
     assert ("right in − direction" in said) == (code == 1)
+    (one,) = result(tmp_path / "first.toml")["fits"]
+    (rule,) = (r for r in one["conventions"] if r["name"] == "backlash_reference")
+    assert rule["state"] == ("assumed" if code else "verified")
+    taken = [r for r in one["remarks"] if "The axis is taken as right" in r["message"]]
+    assert len(taken) == code
 
 
 @pytest.mark.parametrize("flank", [1, -1])
