@@ -26,6 +26,8 @@ from ._words import DIRECTIONS
 
 _COMMENT_BYTES = re.compile(rb"(?m)^[ \t]*(?:#|%|//|!).*$")
 _COMMENT_OR_SEMICOLON = re.compile(rb"(?m)^[ \t]*(?:#|%|//|!|;).*$")
+_EMPTY_ROW = re.compile(r"(?m)^[;,\t ]+$")
+"""What a spreadsheet writes below a table, and between two."""
 _SMALL = 1 << 20
 """Bytes up to which one thread reads a file."""
 _NULLS = [
@@ -51,6 +53,8 @@ def read_csv(
     """
     if lines is not None:
         text = lines.keep(text)
+    if any(mark in text for mark in ("\n;", "\n,", "\n\t")):
+        text = _EMPTY_ROW.sub("", text)
     layout = find_layout(path, text, lines)
     table = read_body(path, layout, text, encoding)
     if lines is None or not lines.skip:

@@ -256,3 +256,17 @@ def test_statistics_in_a_block_below_the_rows_are_none(
     rows = "".join(f"{10 * k},0;{k},5;{k},1\n" for k in range(5))
     path.write_text(f"Soll;Lauf 1;Lauf 2\n{rows}\n{foot}\n")
     assert read_table(path).rows == 5
+
+
+@pytest.mark.parametrize("separator", [";", ",", "\t"])
+def test_rows_of_a_spreadsheet_without_any_cell_are_blank_lines(
+    tmp_path: Path, separator: str
+) -> None:
+    empty = f"{separator}{separator}\n"
+    rows = [separator.join(map(str, (k, 0.5 * k, 1))) + "\n" for k in range(6)]
+    head = separator.join(("x [mm]", "error [um]", "run")) + "\n"
+    text = head + "".join(rows[:3]) + empty + "".join(rows[3:]) + 2 * empty
+    (tmp_path / "m.csv").write_text(text)
+    found = read_table(tmp_path / "m.csv")
+    assert found.rows == 6
+    assert found.lines.tolist() == [2, 3, 4, 6, 7, 8]
