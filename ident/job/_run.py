@@ -177,6 +177,8 @@ def _write(
     for name in (RESULT, REPORT):  # written later, when the remarks are
         folder.keep(name)
     folder.keep_drawings()
+    # Where the run is stopped, no page of other lists stands beside these.
+    (folder.root / REPORT).unlink(missing_ok=True)
     axes = []
     for axis in files:
         contents = {name: listing.dumps() for name, listing in axis.lists}

@@ -1,6 +1,7 @@
 """A backlash job: from readings in both directions to the entries of the axis list."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -314,3 +315,23 @@ def test_backlash_beside_a_bilateral_leadscrew_is_refused(tmp_path: Path) -> Non
     path.write_text(JOB.format(axis="", active="[]", columns="") + second)
     with pytest.raises(JobError, match="both of which compensate the reversal"):
         run_job(path, tmp_path / "out")
+
+
+@pytest.mark.parametrize("drift", [0.0, 0.01])
+def test_a_drift_over_passes_that_alternate_is_told_with_the_width_less_it(
+    tmp_path: Path, drift: float
+) -> None:
+    readings(tmp_path, runs=5)
+    lines = (tmp_path / "dial.csv").read_text().splitlines()
+    rows = [line.split(",") for line in lines[1:]]
+    for k, row in enumerate(rows):
+        row[1] = f"{float(row[1]) + drift * k / len(rows):.6f}"
+    text = "\n".join([lines[0], *map(",".join, rows)]) + "\n"
+    (tmp_path / "dial.csv").write_text(text)
+    said = [each.message for each in run(tmp_path).remarks]
+    told = [each for each in said if each.startswith("The readings drift by 10 µm")]
+    assert len(told) == (drift > 0.0)
+    # The width is 12.3 µm, known to 0.1 µm; a drift of 1 µm from pass to pass adds as much.
+    widths = [re.findall(r"width is ([\d.]+) µm, not ([\d.]+)", each) for each in told]
+    assert all(abs(float(w[0][0]) - 12.3) < 0.3 for w in widths)
+    assert all(abs(float(w[0][1]) - 13.3) < 0.3 for w in widths)

@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Collection, Iterator
-from typing import Any, final
+from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -13,6 +13,9 @@ from ....data.units import small_unit
 from ...core import FitError, regress
 from ...fit.joint import Part
 from ...job.result._result import AbstractResult, Expectation, Remark
+
+if TYPE_CHECKING:
+    from ...job.joint._share import Share
 
 _SURE = 3.0
 """Deviations from which on a backlash shows."""
@@ -95,6 +98,47 @@ def change_along(width: float, sides: Sides) -> Dependence | None:
     return Dependence(probability, variation, slope, probability < _CHANCE and matters)
 
 
+def drift_remark(
+    width: float,
+    share: "Share",
+    wild: Bool[np.ndarray, " t"],
+    nodes: Float[np.ndarray, " n"],
+    unit: str,
+) -> Iterator[Remark]:
+    """Yield that the readings drift, where a straight line in time changes the width.
+
+    Runs that follow each other tell a line from the width; what each run has as an offset of its
+    own, and what is left as noise, holds the line.
+
+    Args:
+        width: As it was fitted, in mm or °.
+        share: Its part of the fit.
+        wild: Readings that do not count.
+        nodes: Of the error that both directions share.
+        unit: Of a thousandth of the width.
+    """
+    data, axis = share.recording.data, share.axis
+    rows = np.flatnonzero(share.rows)[~wild]
+    place, way = data.position[axis][rows], data.direction[axis][rows]
+    span = data.order[rows] - data.order[rows].mean()
+    span = span / (float(np.ptp(span)) or 1.0)
+    hats = [np.interp(place, nodes, hat) for hat in np.eye(len(nodes))]
+    hats = [hat for hat in hats if hat.any()]
+    try:
+        columns = np.stack([-0.5 * way, span, *hats], axis=1)
+        found = regress(columns, data.error[axis][rows])
+    except FitError:  # all of one direction came first, or each place was read once
+        return
+    (straight, drift), (_, sd) = found.coefficients[:2], found.standard_deviation[:2]
+    if abs(drift) > _SURE * sd and abs(straight - width) > _DRIFTS * abs(width):
+        yield Remark.warning(
+            f"The readings drift by {1e3 * abs(drift):.2g} {unit} over the measurement: less a"
+            f" straight drift the width is {1e3 * straight:.4g} {unit}, not {1e3 * width:.4g}."
+            " Approach each place from both sides at once, or let machine and instrument come to"
+            " rest first."
+        )
+
+
 FLANK = "backlash_reference"
 """The convention that says which flank is right."""
 _TAKEN = Remark.warning(
@@ -102,6 +146,8 @@ _TAKEN = Remark.warning(
     " no axis list says otherwise. Where it was referenced or its tables were measured moving"
     " the other way, 2 is right; the wrong one shifts all positions by the width."
 )
+_DRIFTS = 0.03
+"""Share of a width that a drift must change to be told."""
 _VAGUE, _SMALL = 0.5, 3e-4
 """Scatter of a reading, and mm or °, beyond which the deviation of a width tells nothing of it."""
 

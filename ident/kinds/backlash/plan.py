@@ -21,7 +21,15 @@ from ...proof import GateCheck, reversal_checks
 from ...proof.axis import check_switching
 from ...readings import Tables
 from .._keys import FitSpec
-from ._result import FLANK, BacklashResult, Sides, change_along, is_sure, remarks_of
+from ._result import (
+    FLANK,
+    BacklashResult,
+    Sides,
+    change_along,
+    drift_remark,
+    is_sure,
+    remarks_of,
+)
 from .entries import backlash_from_list, entries_of_backlash
 from .keys import Spec
 
@@ -243,7 +251,8 @@ class BacklashDraft(AbstractDraft):
     @property
     def middle(self) -> float:
         """Mean of what both directions show as they were measured, in mm or °."""
-        data, rows = self.share.recording.data, self.share.rows[~self.share.wild]
+        data = self.share.recording.data
+        rows = np.flatnonzero(self.share.rows)[~self.share.wild]
         error, way = data.error[self.axis][rows], data.direction[self.axis][rows]
         return 0.5 * float(sum(np.median(error[way == sign]) for sign in (1, -1)))
 
@@ -272,7 +281,12 @@ class BacklashDraft(AbstractDraft):
             dependence=change_along(float(share.part.values[0]), sides),
         )
         fit_remarks = remarks_of(result, self.plan.old is not None, self.plan.active)
-        remarks = (*share.remarks(), *fit_remarks)
+        nodes = self.plan.nodes_beside(share.recording.data)
+        unit = self.job.spec.axes[self.axis].small_unit
+        drifts = drift_remark(
+            float(share.part.values[0]), share, sides.wild, nodes, unit
+        )
+        remarks = (*share.remarks(), *fit_remarks, *drifts)
         return dataclasses.replace(result, remarks=remarks)
 
     def _held_out(self) -> Float[np.ndarray, " t"]:

@@ -47,6 +47,8 @@ _MEETINGS: Mapping[Meeting, str] = {
 }
 _UNSURE: set[Meeting] = {"two sensors", "not one point", "uncertain", "no offset"}
 """What a person should know before the line is used."""
+_FEW = 3.0
+"""Samples up to which a lag says nothing of the unit of the time."""
 _RULE = "temperature_sign"
 _SIGN = Remark.warning(
     "Whether the controller adds the line or takes it off is the least certain sign of"
@@ -234,7 +236,13 @@ def _too_quick(draft: "TemperatureDraft") -> Iterator[Remark]:
         return
     spans = {"The measurement lasts": float(np.ptp(fit.data.time))}
     if draft.fit.lag == "auto":
-        spans |= {f"The lag behind {g.sensor} is": g.time_constant for g in fit.lags}
+        # A lag of a few samples is what takes the noise of a sensor off.
+        least = _FEW * float(np.median(np.diff(np.unique(fit.data.time))))
+        spans |= {
+            f"The lag behind {g.sensor} is": g.time_constant
+            for g in fit.lags
+            if g.time_constant > least
+        }
     for words, span in spans.items():
         if 0.0 < span < _QUICK:
             yield Remark.warning(
