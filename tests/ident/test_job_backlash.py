@@ -332,6 +332,8 @@ def test_a_drift_over_passes_that_alternate_is_told_with_the_width_less_it(
     told = [each for each in said if each.startswith("The readings drift by 10 µm")]
     assert len(told) == (drift > 0.0)
     # The width is 12.3 µm, known to 0.1 µm; a drift of 1 µm from pass to pass adds as much.
-    widths = [re.findall(r"width is ([\d.]+) µm, not ([\d.]+)", each) for each in told]
+    widths = [
+        re.findall(r"width is ([\d.]+) µm, not (\d+\.\d+)", each) for each in told
+    ]
     assert all(abs(float(w[0][0]) - 12.3) < 0.3 for w in widths)
     assert all(abs(float(w[0][1]) - 13.3) < 0.3 for w in widths)
