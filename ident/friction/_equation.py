@@ -12,9 +12,8 @@ from typing import final
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from numpy.lib.stride_tricks import sliding_window_view
-from scipy.signal import firwin
 
+from ...data.signals import decimate
 from ..core import FitError
 from ._samples import DriveSamples, Trace, check_samples
 from ._structures import (
@@ -28,8 +27,6 @@ from ._structures import (
 
 _REACH = 10
 """Half the length of the filter in rows."""
-_TOGETHER = 8
-"""Rows that are filtered at a time."""
 _MOSTLY = 0.7
 """Share of the filter in motion of a row that tells of friction."""
 _RATE = 100.0
@@ -48,13 +45,6 @@ class Lowpass:
 
     piece: Int[np.ndarray, " t"]
     factor: int
-
-    @cached_property
-    def _kernel(self) -> Float[np.ndarray, "m l"]:
-        """The filter for a few rows, as a matrix on the samples that they share."""
-        taps = firwin(2 * _REACH * self.factor + 1, 1.0 / self.factor, window="hamming")
-        places = self.factor * np.arange(_TOGETHER)
-        return np.stack([np.pad(taps, (at, places[-1] - at)) for at in places])
 
     @cached_property
     def _runs(self) -> list[slice]:
@@ -82,16 +72,9 @@ class Lowpass:
         """Return the filtered, thinned columns; the kernel lies within one piece entirely."""
         if self.factor == 1:
             return columns
-        filtered, kernel = [np.zeros((0, columns.shape[1]))], self._kernel
-        length, step = kernel.shape[1], _TOGETHER * self.factor
-        for run in self._runs:
-            count = -(-(len(columns[run]) - 2 * _REACH * self.factor) // self.factor)
-            stretch = np.zeros((length + count * self.factor, columns.shape[1]))
-            stretch[: run.stop - run.start] = columns[run]
-            view = sliding_window_view(stretch, length, axis=0)[::step]
-            rows = np.concatenate(kernel @ view.transpose(0, 2, 1))
-            filtered.append(rows[:count])
-        return np.concatenate(filtered)
+        runs = [decimate(columns[run], self.factor) for run in self._runs]
+        inside = [rows[_REACH:-_REACH] for rows in runs]
+        return np.concatenate([np.zeros((0, columns.shape[1])), *inside])
 
 
 @final
