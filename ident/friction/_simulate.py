@@ -264,61 +264,42 @@ def linearised(
     return residual, jax.vmap(along, out_axes=1)(jnp.eye(COUNT))
 
 
-class _Bounded(eqx.Module):
-    """Numbers inside their limits by tanh; steps of one change the residual by its size."""
-
-    place: Numbers
-    """Of the start between its limits, -1 to 1."""
-    step: Numbers
-    """Of the argument of tanh."""
-    limits: tuple[Numbers, Numbers]
-    length: Float[Array, ""]
-    """Of the residual at the start."""
-
-    @classmethod
-    def of(cls, start: Numbers, problem: Problem) -> "_Bounded":
-        low, high = problem.limits
-        half = 0.5 * (high - low)
-        size = jnp.where(start == 0.0, 1.0, jnp.abs(start))
-        gap = _INSIDE * jnp.minimum(2.0 * half, size)
-        place = (jnp.clip(start, low + gap, high - gap) - low) / half - 1.0
-        residual, slopes = linearised(low + half * (1.0 + place), problem)
-        length, norms = jnp.linalg.norm(residual), jnp.linalg.norm(slopes, axis=0)
-        unit = jnp.where(norms > 0.0, length / jnp.where(norms > 0.0, norms, 1.0), half)
-        step = jnp.minimum(unit, 2.0 * half) / (half * (1.0 - place**2))
-        return cls(place, step, problem.limits, length)
-
-    def values(self, free: Numbers) -> Numbers:
-        low, high = self.limits
-        bent = jnp.tanh(jnp.arctanh(self.place) + self.step * free)
-        return low + 0.5 * (high - low) * (1.0 + bent)
-
-
 @eqx.filter_jit
 def _levenberg_marquardt(
     start: Numbers, problem: Problem, tolerance: Float[Array, ""]
 ) -> tuple[Numbers, Bool[Array, ""], Float[Array, ""]]:
-    """Return values, whether they converged, and what is left of the residual."""
-    numbers = _Bounded.of(start, problem)
-    root_count = jnp.sqrt(jnp.sum(problem.compared))
+    """Return values, whether they converged, and what is left of the residual.
 
-    def residual(free: Array, arguments: tuple[_Bounded, Problem]) -> Array:
-        numbers, problem = arguments
-        return _residual(numbers.values(free), problem) * root_count / numbers.length
+    Values stay inside their limits by tanh; steps of one change the residual by its size.
+    """
+    low, high = problem.limits
+    half = 0.5 * (high - low)
+    size = jnp.where(start == 0.0, 1.0, jnp.abs(start))
+    gap = _INSIDE * jnp.minimum(2.0 * half, size)
+    place = (jnp.clip(start, low + gap, high - gap) - low) / half - 1.0
+    first, slopes = linearised(low + half * (1.0 + place), problem)
+    length, norms = jnp.linalg.norm(first), jnp.linalg.norm(slopes, axis=0)
+    unit = jnp.where(norms > 0.0, length / jnp.where(norms > 0.0, norms, 1.0), half)
+    step = jnp.minimum(unit, 2.0 * half) / (half * (1.0 - place**2))
+    scale: Float[Array, ""] = jnp.sqrt(jnp.sum(problem.compared)) / length
+
+    def values(free: Numbers) -> Numbers:
+        return low + half * (1.0 + jnp.tanh(jnp.arctanh(place) + step * free))
+
+    def residual(free: Numbers, problem: Problem) -> Float[Array, " r"]:
+        return _residual(values(free), problem) * scale
 
     # A traced tolerance: a rough search shares the compilation of a fine one.
     limit: Any = tolerance
     solver: Any = optx.LevenbergMarquardt(
         limit, limit, norm=optx.rms_norm, linear_solver=lx.QR()
     )
-    middle = jnp.zeros_like(start)
     optimum: Any = optx.least_squares(
-        residual, solver, middle, (numbers, problem), max_steps=_STEPS, throw=False
+        residual, solver, jnp.zeros_like(start), problem, max_steps=_STEPS, throw=False
     )
     converged = jnp.asarray(optimum.result == optx.RESULTS.successful)
-    values = numbers.values(optimum.value)
-    change = jnp.linalg.norm(_residual(values, problem)) / numbers.length
-    return values, converged, change
+    found = values(optimum.value)
+    return found, converged, jnp.linalg.norm(_residual(found, problem)) / length
 
 
 def solve(
