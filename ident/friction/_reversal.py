@@ -52,6 +52,9 @@ _SMALL = 0.05
 _FEW = 4
 """Reversals below which nothing is known of them."""
 
+Place = Float[np.ndarray, " q"]
+"""A distance in mm, then the logarithms of a shape."""
+
 
 @dataclasses.dataclass(frozen=True)
 class ReversalFit:
@@ -163,19 +166,9 @@ def fit_reversal(
     return min(fits, key=lambda result: result[1])[0]
 
 
-@dataclasses.dataclass(frozen=True)
-class _Setting:
-    """Look-ahead and delay in cycles, distance in mm, logarithms of the shape."""
-
-    lookahead: int
-    delay: int
-    distance: float
-    shape: Shape
-
-
 @dataclasses.dataclass(frozen=True, eq=False)
 class _Search:
-    """The load for every setting, and what it leaves.
+    """The load for every look-ahead and delay in cycles, and every place, and what it leaves.
 
     Attributes:
         recording: The load sample by sample.
@@ -213,13 +206,12 @@ class _Search:
         )
 
     def solve(
-        self, setting: _Setting, use: Int[np.ndarray, " r"]
+        self, lookahead: int, delay: int, place: Place, use: Int[np.ndarray, " r"]
     ) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " r"]]:
         """Return the factors of all columns, and what they leave of some samples."""
-        before = use - setting.delay
-        rows = self.columns(tuple(setting.shape))[before]
-        rows = self.share(setting.distance)[setting.lookahead, before, None] * rows
-        design = np.concatenate([rows, self.beside[use]], axis=1)
+        distance, *shape = place.tolist()
+        acting = self.share(distance)[lookahead, :, None] * self.columns(tuple(shape))
+        design = np.concatenate([acting[use - delay], self.beside[use]], axis=1)
         load = self.recording.target[use]
         gram = design.T @ design
         factors = ridged(gram, design.T @ load)
@@ -233,7 +225,7 @@ class _Search:
     ) -> Float[np.ndarray, "l d s"]:
         """Return the sums of squares by look-ahead, delay and distance; else infinite."""
         use, load = np.flatnonzero(keep), self.recording.target[keep]
-        columns, beside = self.columns(tuple(shape)), self.beside[use]
+        columns, beside = self.columns(tuple(shape.tolist())), self.beside[use]
         split, total = columns.shape[1], float(load @ load)
         costs = np.full((LOOKAHEADS, _MOST_DELAY + 1, len(_DISTANCES)), np.inf)
         for delay in delays:
@@ -253,30 +245,40 @@ class _Search:
         return np.asarray(np.maximum(costs, 0.0))
 
     def refined(
-        self, setting: _Setting, use: Int[np.ndarray, " r"]
-    ) -> tuple[_Setting, float]:
-        """Return the best distance and shape beside a setting, and the squares left."""
-        place = int(np.searchsorted(_DISTANCES, setting.distance))
-        ends = _DISTANCES[max(place - 1, 0)], _DISTANCES[place : place + 2][-1]
+        self, cycles: tuple[int, int], number: int, shape: Shape, use: np.ndarray
+    ) -> tuple[Place, float]:
+        """Return the best place beside a distance of the grid, and the squares left."""
+        ends = _DISTANCES[max(number - 1, 0)], _DISTANCES[number : number + 2][-1]
         shapes = self.structure.bounds(range_of(np.abs(self.velocity[use])))
         low, high = np.column_stack([ends, shapes])
-        start, inside = np.append(setting.distance, setting.shape), 1e-3 * (high - low)
-        unit = np.linalg.norm(self.solve(setting, use)[1]) or 1.0
-
-        def at(point: Float[np.ndarray, " q"]) -> _Setting:
-            distance, shape = float(point[0]), point[1:].copy()
-            return dataclasses.replace(setting, distance=distance, shape=shape)
-
+        start, inside = np.append(_DISTANCES[number], shape), 1e-3 * (high - low)
+        unit = float(np.linalg.norm(self.solve(*cycles, start, use)[1])) or 1.0
         optimum = least_squares(
-            lambda point: self.solve(at(point), use)[1] / unit,
+            lambda place: self.solve(*cycles, place, use)[1] / unit,
             np.clip(start, low + inside, high - inside),
             bounds=(low, high),
             x_scale=high - low,
             max_nfev=_TRIALS,
         )
         if 2.0 * optimum.cost < 1.0:
-            return at(optimum.x), 2.0 * float(optimum.cost * unit**2)
-        return setting, float(unit**2)
+            return optimum.x, 2.0 * float(optimum.cost) * unit**2
+        return start, unit**2
+
+    def best(
+        self, shape: Shape, keep: Bool[np.ndarray, " t"], delay: int, close: int
+    ) -> tuple[tuple[int, int], Place, Float[np.ndarray, "l d"]]:
+        """Return the best look-ahead, delay and place about a delay, and least squares of each."""
+        delays = range(max(delay - _ASIDE, 0), min(delay + _ASIDE, _MOST_DELAY) + 1)
+        table = self.grid(shape, keep, delays)
+        numbers, squares = np.argmin(table, axis=2), np.min(table, axis=2)
+        use, places = np.flatnonzero(keep), dict[tuple[int, int], Place]()
+        # Only what comes near the best deserves the last digits.
+        for flat in np.argsort(squares, axis=None)[:close].tolist():
+            cycles = divmod(flat, squares.shape[1])
+            refined = self.refined(cycles, int(numbers[cycles]), shape, use)
+            places[cycles], squares[cycles] = refined
+        cycles = min(places, key=lambda each: squares[each])
+        return cycles, places[cycles], squares
 
 
 def _rows(
@@ -307,18 +309,18 @@ def _fitted(search: _Search, reversals: int, delay: int) -> tuple[ReversalFit, f
     use, bounds = np.flatnonzero(keep), search.structure.bounds
     shape = bounds(range_of(np.abs(search.velocity[use]))).mean(axis=0)
     # A first pass finds the wild samples and the shape, the second does without them.
-    best, _ = _best(search, shape, keep, delay, 1)
-    error = search.solve(best, use)[1]
+    cycles, place, _ = search.best(shape, keep, delay, 1)
+    error = search.solve(*cycles, place, use)[1]
     loads = search.recording.target[use], error
     level, typical = (median(np.abs(values)) for values in loads)
     good = np.abs(error) <= max(_WILD * 1.4826 * typical, _SMALL * level)
     if good.mean() >= 0.5:
         keep[use[~good]] = False
         use = use[good]
-    best, squares = _best(search, best.shape, keep, best.delay, _CLOSE)
-    if best.distance < _NOTHING:
-        best = dataclasses.replace(best, distance=0.0)
-    factors, error = search.solve(best, use)
+    cycles, place, squares = search.best(place[1:], keep, cycles[1], _CLOSE)
+    place[0] *= place[0] >= _NOTHING
+    (lookahead, delay), distance, shape = cycles, float(place[0]), place[1:]
+    factors, error = search.solve(*cycles, place, use)
     # Successive residuals have something in common: fewer of them count as independent.
     common = float(error[1:] @ error[:-1]) / max(float(error @ error), 1e-300)
     common = min(max(common, 0.0), 0.98)
@@ -326,45 +328,28 @@ def _fitted(search: _Search, reversals: int, delay: int) -> tuple[ReversalFit, f
     # A perfect recording leaves rounding: below it no two settings differ.
     floor = 1e-9 * float(np.abs(search.recording.target).max())
     noise = max(float(np.sqrt(np.mean(error**2))), floor)
-    step = max(1e-3 * best.distance, 1e-6)
-    ends = max(best.distance - step, 0.0), best.distance + step
-    errors = [search.solve(dataclasses.replace(best, distance=d), use)[1] for d in ends]
+    step = max(1e-3 * distance, 1e-6)
+    ends = [max(distance - step, 0.0), distance + step]
+    errors = [search.solve(*cycles, np.append(d, shape), use)[1] for d in ends]
     slope = float(np.linalg.norm(errors[1] - errors[0])) / (ends[1] - ends[0])
     odds = np.exp(-0.5 * share * (squares - squares.min()) / noise**2)
     odds /= odds.sum()
-    columns = search.columns(tuple(best.shape))
+    columns = search.columns(tuple(shape.tolist()))
     law_factors = factors[: columns.shape[1]]
     steady = columns @ law_factors
-    acting = search.share(best.distance)[best.lookahead] * steady
-    delayed = np.pad(acting, (best.delay, 0))[: len(acting)]
+    acting = search.share(distance)[lookahead] * steady
+    delayed = np.pad(acting, (delay, 0))[: len(acting)]
     result = ReversalFit(
-        lookahead=best.lookahead,
-        position_delay=best.distance,
-        delay_cycles=best.delay,
+        lookahead=lookahead,
+        position_delay=distance,
+        delay_cycles=delay,
         position_delay_sd=noise / slope / np.sqrt(share) if slope > 0 else np.inf,
-        lookahead_probability=float(odds.sum(axis=1)[best.lookahead]),
-        delay_probability=float(odds.sum(axis=0)[best.delay]),
+        lookahead_probability=float(odds.sum(axis=1)[lookahead]),
+        delay_probability=float(odds.sum(axis=0)[delay]),
         noise=float(np.sqrt(np.mean(error[search.near[use]] ** 2))),
         reversals=reversals,
         missing=steady - delayed,
     )
     criterion = 2.0 * len(use) * np.log(noise)
-    criterion += np.log(len(use)) * (len(law_factors) + len(best.shape))
+    criterion += np.log(len(use)) * (len(law_factors) + len(shape))
     return result, float(criterion)
-
-
-def _best(
-    search: _Search, shape: Shape, keep: Bool[np.ndarray, " t"], delay: int, close: int
-) -> tuple[_Setting, Float[np.ndarray, "l d"]]:
-    """Return the best setting about a delay, and least squares by look-ahead and delay."""
-    delays = range(max(delay - _ASIDE, 0), min(delay + _ASIDE, _MOST_DELAY) + 1)
-    table = search.grid(shape, keep, delays)
-    places, squares = np.argmin(table, axis=2), np.min(table, axis=2)
-    use, results = np.flatnonzero(keep), []
-    # Only what comes near the best deserves the last digits.
-    for flat in np.argsort(squares, axis=None)[:close]:
-        at = lookahead, delay = divmod(int(flat), squares.shape[1])
-        setting = _Setting(lookahead, delay, float(_DISTANCES[places[at]]), shape)
-        results.append(search.refined(setting, use))
-        squares[at] = results[-1][1]
-    return min(results, key=lambda result: result[1])[0], squares
