@@ -41,8 +41,7 @@ class Knots:
 
     def current(self, velocity: Trace) -> Trace:
         """Return the current at speeds in mm/s, linear between knots, edges held."""
-        places, currents = self.velocity / _PER_MM, self.out * self.unit
-        return np.asarray(np.interp(velocity, places, currents))
+        return self.unit * np.interp(velocity * _PER_MM, self.velocity, self.out)
 
 
 def place_knots(
@@ -73,11 +72,10 @@ def place_knots(
     if entries < 3 or len(velocity) < 2:
         msg = f"found {entries} entries and {len(velocity)} speeds, expected 3 and 2 or more"
         raise FitError(msg)
-    low = round(velocity[0] * _PER_MM) if entries > 3 else 1
-    before, low = int(low > 1), max(1, low)
+    low = max(1, round(velocity[0] * _PER_MM)) if entries > 3 else 1
     high = max(low + 1, int(np.ceil(velocity[-1] * _PER_MM - 1e-6)))
     beyond = max(high + 1, int(np.ceil(1.05 * (reach or velocity[-1]) * _PER_MM)))
-    count = min(max(2, entries - 1 - before), high - low + 1)
+    count = min(max(2, entries - 1 - (low > 1)), high - low + 1)
     curve = _Curve(velocity * _PER_MM, current / unit, weight / weight.sum())
     places, heights = _finer(curve, _lines(curve, low, high, count))
     # Where nobody measured, no more than at the slowest speed that was driven.
@@ -85,14 +83,12 @@ def place_knots(
         heights[0] = np.floor(curve.height[0])
     error = np.interp(curve.place, places, heights) - curve.height
     rms = unit * float(np.sqrt(curve.weight @ error**2))
-    places = np.concatenate([np.ones(before), places, [beyond]])
-    heights = np.concatenate([heights[:1]] * before + [heights, heights[-1:]])
+    places = np.concatenate([[1.0] * (low > 1), places, [beyond]])
+    heights = np.pad(heights, (int(low > 1), 1), mode="edge")
     # What lies on the line of its neighbours is left out, but for the level end.
-    width, rise = np.diff(places), np.diff(heights)
-    needed = np.ones(len(places), bool)
-    needed[1:-2] = (rise[1:] * width[:-1] != rise[:-1] * width[1:])[:-1]
-    velocities, out = (values[needed].astype(np.int64) for values in (places, heights))
-    return Knots(velocities, out, unit, rms)
+    slope = np.diff(heights) / np.diff(places)
+    needed = np.concatenate([[True], slope[1:-1] != slope[:-2], [True, True]])
+    return Knots(places[needed].astype(int), heights[needed].astype(int), unit, rms)
 
 
 class _Curve:
