@@ -20,13 +20,7 @@ from jaxtyping import Bool, Float, Int
 
 from ...data.signals import independent
 from ._columns import Columns, Design
-from ._evidence import (
-    Groups,
-    gram_of,
-    robust_groups,
-    scatter_of,
-    weights_about,
-)
+from ._evidence import Groups, gram_of, robust_groups, scatter_of, weights_about
 from ._terms import HEAT, Term
 from ._view import AxisView, some_of
 
@@ -75,18 +69,17 @@ def choose_heat(
 ) -> tuple[Term, ...]:
     """Return for offset and coefficient the sensor and lag, of some, that are likeliest."""
     evidence, best = _evidence_of(columns, terms), tuple[Term, ...]()
-    for kind in (*HEAT, *HEAT):
-        others = tuple(term for term in best if term.kind is not kind)
-        tried = [(*others, term) for term in heat if term.kind is kind]
-        best = max(tried, key=evidence, default=best)
     longest = max(term.lag for term in heat)
-    for factor, kind in itertools.product(_FINER, HEAT):
+    for factor, kind in itertools.product((None, None, *_FINER), HEAT):
         others = tuple(term for term in best if term.kind is not kind)
-        for term in (term for term in best if term.kind is kind):
-            lags = term.lag * factor, term.lag / factor, _SOON * (term.lag == 0.0)
-            allowed = [lag for lag in lags if 0.0 < lag <= longest]
-            lagged = [(*others, dataclasses.replace(term, lag=lag)) for lag in allowed]
-            best = max([best, *lagged], key=evidence)
+        tried = [term for term in heat if term.kind is kind]
+        if factor is not None:
+            tried = [term for term in best if term.kind is kind]
+            for term in tried[:]:
+                lags = term.lag * factor, term.lag / factor, _SOON * (term.lag == 0.0)
+                allowed = [lag for lag in lags if 0.0 < lag <= longest]
+                tried += [dataclasses.replace(term, lag=lag) for lag in allowed]
+        best = max([(*others, term) for term in tried], key=evidence, default=best)
     return best
 
 

@@ -317,13 +317,12 @@ def drifts(chosen: Selection) -> Iterator[Drift]:
         several = len(np.unique(view.data.run[rows])) > 1
         if several or not np.ptp(clock) > 0 or rms <= _FOLLOWED * chosen.noise:
             continue
-        pieces = _PIECES[-1]
+        pieces = 0
         for pieces in _PIECES:
             knots = np.linspace(clock.min(), clock.max(), pieces + 1)
-            basis = np.eye(pieces + 1)
-            lines = np.stack([np.interp(clock, knots, hat) for hat in basis], axis=1)
-            residual = course[rows] - lines @ np.linalg.lstsq(lines, course[rows])[0]
-            if float(np.std(residual)) <= _FOLLOWED * chosen.noise:
+            hats = [np.interp(clock, knots, hat) for hat in np.eye(pieces + 1)]
+            share = followed(course[rows], np.stack(hats, axis=1))
+            if rms * np.sqrt(1.0 - share) <= _FOLLOWED * chosen.noise:
                 break
         follow = f"{pieces} straight pieces follow it."
         sentence = (

@@ -41,7 +41,8 @@ class Knots:
 
     def current(self, velocity: Trace) -> Trace:
         """Return the current at speeds in mm/s, linear between knots, edges held."""
-        return self.unit * np.interp(velocity * _PER_MM, self.velocity, self.out)
+        places, currents = self.velocity / _PER_MM, self.out * self.unit
+        return np.asarray(np.interp(velocity, places, currents))
 
 
 def place_knots(
@@ -75,9 +76,8 @@ def place_knots(
     low = max(1, round(velocity[0] * _PER_MM)) if entries > 3 else 1
     high = max(low + 1, int(np.ceil(velocity[-1] * _PER_MM - 1e-6)))
     beyond = max(high + 1, int(np.ceil(1.05 * (reach or velocity[-1]) * _PER_MM)))
-    count = min(max(2, entries - 1 - (low > 1)), high - low + 1)
     curve = _Curve(velocity * _PER_MM, current / unit, weight / weight.sum())
-    places, heights = _finer(curve, _lines(curve, low, high, count))
+    places, heights = _finer(curve, _lines(curve, low, high, entries - 1 - (low > 1)))
     # Where nobody measured, no more than at the slowest speed that was driven.
     if places[0] < curve.place[0] and heights[0] > curve.height[0]:
         heights[0] = np.floor(curve.height[0])
