@@ -166,19 +166,6 @@ class Recording:
         inertial = ones if samples.acceleration is None else samples.acceleration
         return self.lowpass(np.stack([inertial, ones, *samples.loads.values()], axis=1))
 
-    @cached_property
-    def _steady(self) -> dict[AbstractStructure, Float[np.ndarray, "s w k"]]:
-        return {}
-
-    def steady(self, structure: AbstractStructure) -> Float[np.ndarray, "s w k"]:
-        """Return the columns of a law that follow no shape; what both directions show is kept."""
-        both = dataclasses.replace(structure, directional=True)
-        if both not in self._steady:
-            profile = both.steady(np.abs(self.samples.velocity))
-            self._steady[both] = self.by_direction(both, profile)
-        filtered = self._steady[both]
-        return filtered if structure.directional else filtered[:, :1] + filtered[:, 1:]
-
     def by_direction(
         self, structure: AbstractStructure, profile: Float[np.ndarray, "t k"]
     ) -> Float[np.ndarray, "s w k"]:
@@ -239,16 +226,22 @@ class Equation:
         return self.recording.beside[:, [name in self.fixed_names for name in names]]
 
     @cached_property
+    def steady(self) -> Float[np.ndarray, "s w k"]:
+        """The columns of each direction that follow no shape."""
+        profile = self.structure.steady(np.abs(self.recording.samples.velocity))
+        return self.recording.by_direction(self.structure, profile)
+
+    @cached_property
     def unbent(self) -> Float[np.ndarray, "s f"]:
         """All columns that follow no shape."""
-        return np.hstack([self.beside, in_line(self.recording.steady(self.structure))])
+        return np.hstack([self.beside, in_line(self.steady)])
 
     def columns(self, shape: Shape) -> Float[np.ndarray, "s k"]:
         """Return the columns of all linear factors."""
         if not len(shape):
             return self.unbent
-        steady, last = self.recording.steady(self.structure), self.falling(shape)
-        both = np.concatenate([steady, last[:, :, :1]], axis=2)
+        last = self.falling(shape)[:, :, :1]
+        both = np.concatenate([self.steady, last], axis=2)
         return np.hstack([self.beside, in_line(both)])
 
     def slopes(
@@ -269,11 +262,8 @@ class Equation:
         Per direction, seen in motion are level⁺ + offset and level⁻ − offset only: the offset
         is chosen so that the mean levels of both directions are equal.
         """
-        structure, names, fixed = (
-            self.structure,
-            self.fixed_names,
-            len(self.fixed_names),
-        )
+        structure, names = self.structure, self.fixed_names
+        fixed = len(names)
         unit = np.eye(fixed + len(structure.names))
         beside, to_law = unit[:fixed], unit[fixed:]
         words, sums = structure.reported

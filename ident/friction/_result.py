@@ -301,7 +301,11 @@ class FrictionFit:
 
     def slopes(self, velocity: Float[np.ndarray, " v"]) -> Float[np.ndarray, "v p"]:
         """Return the derivatives of the friction by ``factors`` and ``shape``."""
-        return self.structure.slopes(velocity, self.factors, self.shape)
+        structure, shapes = self.structure, self.shape[None]
+        last = structure.falling(np.abs(velocity), shapes)[1:, 0].T
+        factors = self.factors.reshape(structure.ways, -1)[:, -1]
+        by_shape = (factors @ structure.signs(velocity))[:, None] * last
+        return np.hstack([structure.columns(velocity, shapes)[0], by_shape])
 
 
 def lag_of(scores: Float[np.ndarray, "t k"], piece: Int[np.ndarray, " t"]) -> int:

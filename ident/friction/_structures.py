@@ -169,15 +169,6 @@ class AbstractStructure(abc.ABC):
         del factors
         return np.zeros(len(velocity))
 
-    def slopes(
-        self, velocity: Trace, factors: Float[np.ndarray, " k"], shape: Shape
-    ) -> Float[np.ndarray, "t p"]:
-        """Return the derivatives of the friction by the factors and by the shape."""
-        shapes, signs = shape[None], self.signs(velocity)
-        last = self.falling(np.abs(velocity), shapes)[1:, 0].T
-        by_shape = factors.reshape(self.ways, -1)[:, -1] @ signs
-        return np.hstack([self.columns(velocity, shapes)[0], by_shape[:, None] * last])
-
 
 @final
 @dataclasses.dataclass(frozen=True)
