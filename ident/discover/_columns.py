@@ -229,14 +229,10 @@ class Columns:
             else:
                 factors.append(_FACTORS[name](view, term, subject, limit))
         inputs = np.stack([channel for channel, _ in factors], axis=1)
-        finite = np.isfinite(inputs).all(axis=1)
         parts = [CustomLibrary(functions) for _, functions in factors]
         library = TensoredLibrary(parts, [[k] for k in range(len(parts))])
-        library.fit(np.zeros((1, len(parts))))
-        result = np.full((len(inputs), library.n_output_features_), np.nan)
-        if finite.any():
-            result[finite] = np.asarray(library.transform(inputs[finite]))
-        self._blocks[term] = view.centred(result)
+        features = library.fit(np.zeros((1, len(parts)))).transform(inputs)
+        self._blocks[term] = view.centred(np.asarray(features))
         return self._blocks[term]
 
     def design(self, terms: Sequence[Term]) -> Design:

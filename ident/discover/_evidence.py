@@ -189,13 +189,12 @@ def robust_groups(
     outer = float(np.quantile(np.abs(error), _OUTER)) or 1.0
     weight = 1.0 / (1.0 + (error / outer) ** 2)
 
-    def estimated() -> Groups:
-        begun = Groups.of(columns, slices, error, weight)
-        return begun.estimated(least(begun.size))
-
+    begun = Groups.of(columns, slices, error, weight)
+    groups = begun.estimated(least(begun.size))
     # What wild readings have hidden at first is looked for anew.
-    weight = weights_about(error - columns @ estimated().values)
-    return estimated()
+    weight = weights_about(error - columns @ groups.values)
+    begun = Groups.of(columns, slices, error, weight)
+    return begun.estimated(least(begun.size))
 
 
 def scatter_of(residual: Float[np.ndarray, " t"]) -> float:

@@ -212,7 +212,6 @@ def choose_law(
     kinds = [*map(CoulombViscous, ways), *map(Stribeck, ways)]
     tables = [KnotTable(way, knots) for way in ways if len(knots) > 2]
     candidates: list[Candidate] = []
-    held: dict[AbstractStructure, tuple[Laws, np.ndarray]] = {}
     counts = np.add.reduceat(recording.usable * 1.0, edges[:-1])
 
     def squares(error: np.ndarray) -> np.ndarray:
@@ -226,12 +225,10 @@ def choose_law(
             fit = fit_competing(weights.free.under(kind), weights)
             if _wavers(fit):
                 continue
-            # Where the data do not carry a law, the simpler one speaks for it.
-            if fit.structure not in held:
-                held[fit.structure] = _hold_out(fit, weights, window, touched)
-            without, error = held[fit.structure]
+            without, error = _hold_out(fit, weights, window, touched)
             errors = np.sqrt(squares(error) / counts)
             fitted = float(np.sqrt(squares(fit.error).sum() / counts.sum()))
+            # Where the data do not carry a law, the simpler one speaks for it.
             structure = kind if fit.missing else fit.structure
             candidates.append(Candidate(structure, fit, without, errors, fitted))
     # Each sample belongs to the window of the nearest row.

@@ -76,8 +76,7 @@ class Weights:
         """Return the start of a law's shape that leaves the least, as the free table sees it."""
         structure, free, free_sums = equation.structure, self.free, self.free_rows.sums
         assert isinstance(structure, Stribeck)
-        assert isinstance(free.structure, KnotTable)
-        knots, fixed = np.asarray(free.structure.knots), len(free.fixed_names)
+        knots, fixed = np.asarray(free.recording.knots), len(free.fixed_names)
         velocity = np.concatenate([knots, -knots])
         # Factors of the free table, which has no offset, for each factor of the law.
         starts = structure.starts(equation.recording.speed_range)
