@@ -100,7 +100,7 @@ def fit_output_error(
     start = _approached(task)
     # A fit without the guess shows how large errors are; as many as they keep their sign
     # for count as one.
-    state, _ = solve(task.problem, start, ROUGHLY, rounds=1)
+    state, _ = solve(task.problem, start, ROUGHLY)
     residual, (_, run, compared) = task.residual(state), task.runs
     error = residual[: len(run)][compared]
     changes = int((np.diff(np.sign(error - error.mean())) != 0).sum())

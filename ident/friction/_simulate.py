@@ -44,8 +44,6 @@ its square. Roughly: where only a start is sought."""
 _IPOPT_TOLERANCE = 1e-3
 """IPOPT ends where the cost stands still by 1e-7 of itself, as kinks leave a gradient."""
 _STEPS, _IPOPT_STEPS = 80, 50
-_ROUNDS, _FAR = 4, 0.5
-"""The tolerance is of the residual at the start: it begins anew where less is left of it."""
 _INSIDE = 1e-3
 """How far inside its limits a start begins, in parts of their distance or of itself."""
 _SPEEDS = 32
@@ -267,8 +265,8 @@ def linearised(
 @eqx.filter_jit
 def _levenberg_marquardt(
     start: Numbers, problem: Problem, tolerance: Float[Array, ""]
-) -> tuple[Numbers, Bool[Array, ""], Float[Array, ""]]:
-    """Return values, whether they converged, and what is left of the residual.
+) -> tuple[Numbers, Bool[Array, ""]]:
+    """Return values, and whether they converged.
 
     Values stay inside their limits by tanh; steps of one change the residual by its size.
     """
@@ -298,8 +296,7 @@ def _levenberg_marquardt(
         residual, solver, jnp.zeros_like(start), problem, max_steps=_STEPS, throw=False
     )
     converged = jnp.asarray(optimum.result == optx.RESULTS.successful)
-    found = values(optimum.value)
-    return found, converged, jnp.linalg.norm(_residual(found, problem)) / length
+    return values(optimum.value), converged
 
 
 def solve(
@@ -308,12 +305,10 @@ def solve(
     tolerance: float,
     solver: Solver = "optimistix",
     constraints: Sequence[Constraint] = (),
-    rounds: int = _ROUNDS,
 ) -> tuple[Float[np.ndarray, " 10"], bool]:
     """Return where a solver ends, and whether it converged.
 
-    Only IPOPT keeps constraints; optimistix has the tolerance `TOLERANCE` or `ROUGHLY` and
-    begins at most so many rounds, where much was gained.
+    Only IPOPT keeps constraints; optimistix has the tolerance `TOLERANCE` or `ROUGHLY`.
     """
     if solver == "ipopt":
         low, high = (np.asarray(array) for array in problem.limits)
@@ -328,12 +323,8 @@ def solve(
             max_steps=_IPOPT_STEPS,
         )
         return optimum.values, optimum.converged
-    values, converged = jnp.asarray(start), jnp.asarray(False)
-    for _ in range(rounds):
-        arguments = problem, jnp.asarray(tolerance)
-        values, converged, change = _levenberg_marquardt(values, *arguments)
-        if change > _FAR:
-            break
+    arguments = jnp.asarray(start), problem, jnp.asarray(tolerance)
+    values, converged = _levenberg_marquardt(*arguments)
     return np.asarray(values), bool(converged)
 
 
