@@ -14,7 +14,7 @@ from ._inverse import fit_competing
 from ._result import FrictionFit
 from ._samples import DriveSamples
 from ._structures import AbstractStructure, CoulombViscous, KnotTable, Laws, Stribeck
-from ._weights import View, Weights, ridged, weigh
+from ._weights import ridged, weigh
 
 WINDOWS = 10
 _FEWEST = 30
@@ -23,8 +23,8 @@ _UNLIKELY = 0.02
 """Share of the best law's likelihood below which another law casts no doubt on it."""
 _WAVE, _TURNS = 0.2, 2
 """Share of the friction by which it rises or falls again, and how often it may do so."""
-_NEAR, _LONGEST = 0.1, 0.5
-"""Steps of a shape's logarithm: up to which a law is linear in it, and the longest taken."""
+_LONGEST = 0.5
+"""Longest step of a shape's logarithm: what is further is no longer linear in it."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -225,7 +225,7 @@ def choose_law(
             fit = fit_competing(weights.free.under(kind), weights)
             if _wavers(fit):
                 continue
-            without, error = _hold_out(fit, weights, window, touched)
+            without, error = _hold_out(fit, window, touched)
             errors = np.sqrt(squares(error) / counts)
             fitted = float(np.sqrt(squares(fit.error).sum() / counts.sum()))
             # Where the data do not carry a law, the simpler one speaks for it.
@@ -277,7 +277,6 @@ def _windows(recording: Recording) -> Int[np.ndarray, " s"]:
 
 def _hold_out(
     fit: FrictionFit,
-    weights: Weights,
     window: Int[np.ndarray, " s"],
     touched: Int[np.ndarray, "2 w"],
 ) -> tuple[Laws, Float[np.ndarray, " s"]]:
@@ -292,15 +291,6 @@ def _hold_out(
     factors, steps = solution[:, :size], solution[:, size:]
     shapes = np.clip(shape + np.clip(steps, -_LONGEST, _LONGEST), *equation.bounds)
     error = rows.target - (rows.right @ solution.T)[np.arange(len(window)), window]
-    for number in np.flatnonzero(np.abs(steps).max(axis=1, initial=0.0) > _NEAR):
-        # Too far for tangents: factors anew at the shape they lead to.
-        share, mask = fit.share.copy(), window == number
-        share[slice(*touched[:, number])] = 0.0
-        columns = equation.columns(shapes[number])
-        others = dataclasses.replace(weights, share=share)
-        normal = View(equation, others, shape).rows(columns).sums
-        factors[number] = ridged(normal[:, :-1], normal[:, -1])
-        error[mask] = rows.target[mask] - columns[mask] @ factors[number]
     names, linear, to_law = equation.reading
     named = dict(zip(names, linear @ factors.T, strict=True))
     known = np.full(len(factors), equation.recording.inertia or 0.0)
