@@ -213,12 +213,8 @@ class _Search:
         acting = self.share(distance)[lookahead, :, None] * self.columns(tuple(shape))
         design = np.concatenate([acting[use - delay], self.beside[use]], axis=1)
         load = self.recording.target[use]
-        gram = design.T @ design
-        factors = ridged(gram, design.T @ load)
-        error = load - design @ factors
-        # Once more for what rounding leaves of normal equations.
-        change: np.ndarray = ridged(gram, design.T @ error)
-        return factors + change, error - design @ change
+        factors = ridged(design.T @ design, design.T @ load)
+        return factors, load - design @ factors
 
     def grid(
         self, shape: Shape, keep: Bool[np.ndarray, " t"], delays: range
