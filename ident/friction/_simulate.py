@@ -44,8 +44,8 @@ its square. Roughly: where only a start is sought."""
 _IPOPT_TOLERANCE = 1e-3
 """IPOPT ends where the cost stands still by 1e-7 of itself, as kinks leave a gradient."""
 _STEPS, _IPOPT_STEPS = 80, 50
-_INSIDE = 1e-3
-"""How far inside its limits a start begins, in parts of their distance or of itself."""
+_INSIDE = 1.0 - 1e-6
+"""Farthest place of a start between its limits, which are at −1 and 1."""
 _SPEEDS = 32
 """Speeds per direction at which an inequality on friction is kept."""
 _SHORTEST = 16384
@@ -272,9 +272,7 @@ def _levenberg_marquardt(
     """
     low, high = problem.limits
     half = 0.5 * (high - low)
-    size = jnp.where(start == 0.0, 1.0, jnp.abs(start))
-    gap = _INSIDE * jnp.minimum(2.0 * half, size)
-    place = (jnp.clip(start, low + gap, high - gap) - low) / half - 1.0
+    place = jnp.clip((start - low) / half - 1.0, -_INSIDE, _INSIDE)
     first, slopes = linearised(low + half * (1.0 + place), problem)
     length, norms = jnp.linalg.norm(first), jnp.linalg.norm(slopes, axis=0)
     unit = jnp.where(norms > 0.0, length / jnp.where(norms > 0.0, norms, 1.0), half)
