@@ -68,13 +68,13 @@ class Lowpass:
         """Rows on each side that share samples with a row."""
         return 0 if self.factor == 1 else 2 * _REACH
 
-    def __call__(self, columns: Float[np.ndarray, "t c"]) -> Float[np.ndarray, "s c"]:
+    def __call__(self, columns: Float[np.ndarray, "t *c"]) -> Float[np.ndarray, "s *c"]:
         """Return the filtered, thinned columns; the kernel lies within one piece entirely."""
         if self.factor == 1:
             return columns
         runs = [decimate(columns[run], self.factor) for run in self._runs]
         inside = [rows[_REACH:-_REACH] for rows in runs]
-        return np.concatenate([np.zeros((0, columns.shape[1])), *inside])
+        return np.concatenate([columns[:0], *inside])
 
 
 @final
@@ -110,7 +110,7 @@ class Recording:
     @cached_property
     def load(self) -> Float[np.ndarray, " s"]:
         """The current, filtered: what a relative error refers to."""
-        return self.lowpass(self.samples.current[:, None])[:, 0]
+        return self.lowpass(self.samples.current)
 
     @cached_property
     def load_size(self) -> float:
@@ -123,13 +123,13 @@ class Recording:
         if self.inertia is None or self.samples.acceleration is None:
             return self.load
         force = self.inertia * self.samples.acceleration
-        return np.asarray(self.load - self.lowpass(force[:, None])[:, 0])
+        return np.asarray(self.load - self.lowpass(force))
 
     @cached_property
     def usable(self) -> Bool[np.ndarray, " s"]:
         """Rows to fit: in motion and not saturated, for the most part of the filter."""
         good = self.samples.in_motion & ~self.samples.saturated
-        return np.asarray(self.lowpass(good[:, None] * 1.0)[:, 0] > _MOSTLY)
+        return np.asarray(self.lowpass(good * 1.0) > _MOSTLY)
 
     @cached_property
     def piece(self) -> Int[np.ndarray, " s"]:
@@ -171,10 +171,7 @@ class Recording:
     ) -> Float[np.ndarray, "s w k"]:
         """Return columns over speed with the signs of each direction, filtered."""
         signs = structure.signs(self.samples.velocity).T
-        both = signs[:, :, None] * profile[:, None]
-        shape = both.shape[1:]
-        filtered = self.lowpass(both.reshape(len(both), shape[0] * shape[1]))
-        return filtered.reshape(len(filtered), *shape)
+        return self.lowpass(signs[:, :, None] * profile[:, None])
 
 
 @final

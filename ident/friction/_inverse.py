@@ -211,9 +211,7 @@ def _search(equation: Equation, view: View, begin: Shape) -> tuple[Shape, bool]:
         falling = equation.falling(np.array(shape))
         falling = projected(in_line(falling)).reshape(falling.shape)
         columns = falling[:, :, 0]
-        # Each direction has but one column: their inverse serves values and slopes.
-        grams = np.stack([columns.T @ columns] * columns.shape[1])
-        inverse = columns @ ridged(grams, np.eye(len(grams)))
+        inverse = np.linalg.pinv(columns).T
         factors = target @ inverse
         slopes = np.tensordot(falling[:, :, 1:], factors, (1, 0))
         return target - columns @ factors, columns @ (inverse.T @ slopes) - slopes

@@ -118,6 +118,7 @@ def check_samples(samples: DriveSamples) -> None:
         if msg:
             raise FitError(msg)
     backward = np.flatnonzero(np.diff(samples.time) <= 0)
+    speeds = np.abs(samples.velocity[samples.in_motion])
     speed, acceleration = samples.instrument_velocity, samples.instrument_acceleration
     if len(backward):
         row = int(backward[0]) + 1
@@ -127,11 +128,9 @@ def check_samples(samples: DriveSamples) -> None:
         )
     elif (speed is None) != (acceleration is None) and samples.acceleration is not None:
         msg = "instruments: expected both velocity and acceleration, found one of them."
-    elif not samples.velocity.any() or not samples.in_motion.any():
+    elif not speeds.any():
         msg = "the axis does not move in this recording: nothing is known of friction."
-    elif (
-        np.ptp(size := np.abs(samples.velocity[samples.in_motion])) <= _ONE * size.max()
-    ):
+    elif np.ptp(speeds) <= _ONE * speeds.max():
         msg = "the axis moves at one speed only, expected several: friction is a law of speed."
     elif not samples.current.any():
         msg = "the current is 0 throughout, expected the drive's torque feedback."
