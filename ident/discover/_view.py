@@ -114,13 +114,6 @@ class AxisView:
         pieces = max(1, min(_BLOCKS, len(self.data) // 4))
         return np.arange(len(self.data)) * pieces // len(self.data)
 
-    @cached_property
-    def shows_reversals(self) -> bool:
-        """Whether readings show how an error builds up after a reversal."""
-        low, high = self.span.get(self.axis, (0.0, 0.0))
-        near = (self.distance > 0) & (self.distance < _CLOSE * (high - low))
-        return bool(near.sum() >= _NEAR)
-
     def centred(self, columns: Float[np.ndarray, "t k"]) -> Float[np.ndarray, "t k"]:
         """Return columns without their mean in each measurement; 0 where not known.
 
@@ -245,7 +238,9 @@ def _lacking(view: AxisView, term: Term) -> str:
         return f"{turning[0]} goes round, and planes are fitted over axes with two ends"
     if term.kind is Kind.OWN_REVERSAL and view.places(term.axis) < 3:
         return f"{term.axis} was read at two places only"
-    if term.kind is Kind.MEMORY and not view.shows_reversals:
+    low, high = view.span.get(term.axis, (0.0, 0.0))
+    near = (view.distance > 0) & (view.distance < _CLOSE * (high - low))
+    if term.kind is Kind.MEMORY and near.sum() < _NEAR:
         return f"{term.axis} was seldom read shortly after a reversal"
     for name, owner, _ in term.facts.factors:
         channel, subject = CHANNELS.get(name), term.owners[owner]

@@ -60,11 +60,6 @@ class Candidate:
         """How many numbers it has, inertia and offset left out."""
         return len(self.structure.names) + len(self.structure.shapes)
 
-    @property
-    def spread(self) -> tuple[float, float]:
-        """Least and largest error over the windows."""
-        return float(np.min(self.window_error)), float(np.max(self.window_error))
-
     def worse(self, other: "Candidate") -> float:
         """Return how much it predicts worse, in standard errors of the paired difference."""
         difference = self.window_error**2 - other.window_error**2
@@ -99,17 +94,13 @@ class Choice:
         return self.candidates[self.chosen].fit
 
     @property
-    def laws(self) -> tuple[FrictionFit, ...]:
-        """The parametric laws among the candidates, fitted likewise."""
-        return tuple(rival.fit for rival in self._parametric)
-
-    @property
     def law(self) -> FrictionFit:
         """The simplest of the parametric laws that predicts as well as the best of them."""
-        return _simplest(self._parametric).fit
+        return _simplest(self.parametric).fit
 
     @property
-    def _parametric(self) -> list[Candidate]:
+    def parametric(self) -> list[Candidate]:
+        """Those whose parameters have a meaning of their own."""
         return [rival for rival in self.candidates if rival.structure.parametric]
 
     @property

@@ -222,7 +222,7 @@ class FrictionResult(AbstractResult):
         return record | {
             "list_follows": fit.structure.words,
             "method": law.method,
-            "laws": [_law(candidate) for candidate in result.choice.laws],
+            "laws": [_law(rival.fit) for rival in result.choice.parametric],
             "support": fit.count,
             "noise": fit.noise,
             "relative_error": fit.relative_error,
@@ -260,7 +260,7 @@ def _law(fit: FrictionFit) -> dict[str, Any]:
 def choice_sentence(choice: Choice) -> str:
     """Return which law was chosen and why."""
     law, best = (choice.candidates[place] for place in (choice.chosen, choice.best))
-    low, high = law.spread
+    low, high = law.window_error.min(), law.window_error.max()
     text = (
         f"{law.structure.words}: force error {100 * law.error:.2f} % on {len(law.window_error)} "
         f"windows held out in turn ({100 * low:.2f} to {100 * high:.2f} %)"

@@ -241,8 +241,8 @@ def test_emps_windows_held_out_are_predicted_per_direction() -> None:
     choice = choose_law(samples)
     chosen = choice.candidates[choice.chosen]
     assert chosen.structure.directional
-    low, high = chosen.spread
-    assert low < chosen.error < high
+    windows = chosen.window_error
+    assert windows.min() < chosen.error < windows.max()
     # 2.86 %; directional laws are 30 % better than those alike.
     assert chosen.error < 0.029
     assert chosen.error < 0.75 * choice.candidates[0].error
