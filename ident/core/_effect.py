@@ -282,12 +282,10 @@ class GroupEffect(AbstractEffect):
 
     Attributes:
         counted: Groups whose effects sum to zero.
-        present: Groups that have any readings; the others have no effect.
         trend: Name of the input with the centred place within it; None: offsets only.
     """
 
     counted: Bool[np.ndarray, " g"]
-    present: Bool[np.ndarray, " g"]
     trend: str | None = None
 
     ridge = 1e-9
@@ -295,12 +293,8 @@ class GroupEffect(AbstractEffect):
     @cached_property
     def contrast(self) -> Float[np.ndarray, "g c"]:
         """Orthonormal columns over the groups."""
-        counts = self.counted[self.present]
-        counts = counts if counts.any() else np.ones(len(counts))
-        columns = scipy.linalg.null_space(counts[None].astype(float))
-        result = np.zeros((len(self.counted), columns.shape[1]))
-        result[self.present] = columns
-        return result
+        counts = self.counted if self.counted.any() else np.ones_like(self.counted)
+        return np.asarray(scipy.linalg.null_space(counts[None].astype(float)))
 
     @property
     def parts(self) -> int:

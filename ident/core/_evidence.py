@@ -295,8 +295,7 @@ def _thinned(problem: Problem) -> tuple[Problem, Callable[[Vector], Vector]]:
     n, m = stack.band, slim.band
     # The fine estimate is no coarse table: the sums are taken about zero in its place.
     step = np.concatenate([-problem.theta[:n], np.zeros(stack.size - n)])
-    border = np.eye(stack.size - n)
-    thinned = sums.moved(step, problem.gain).reduced(slim, border, interpolation)
+    thinned = sums.moved(step, problem.gain).reduced(slim, interpolation)
     theta = np.concatenate([np.zeros(m), problem.theta[n:]])
     names = list(coarse.prior.names)
     order, factor = np.arange(len(problem.density)), np.ones(len(problem.density))

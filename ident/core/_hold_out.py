@@ -1,8 +1,8 @@
 """Readings left out: the posterior without them, and the choice that predicts them.
 
 The posterior is that of the sums of all others, with weights of the prior and influences kept
-from the fit of all. Effects of groups (runs) sum to zero over those that are left, so that a
-table keeps their mean.
+from the fit of all. A run without any reading left counts as zero: those that are left sum to zero,
+so that a table keeps their mean.
 """
 
 import dataclasses
@@ -11,15 +11,13 @@ import operator
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-import scipy.linalg
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
-from ._effect import GroupEffect
 from ._errors import NOT_LEFT_OUT, FitError
 from ._posterior import Posterior, Problem
 from ._readings import Readings
 from ._robust import Estimate
-from ._stack import Matrix, Stack
+from ._stack import Matrix
 from ._sums import Sums, sums_of
 
 _LIMIT = 5.0
@@ -80,7 +78,7 @@ def sums_by_group(
 def leave_one_out(
     estimate: Estimate,
     groups: Mapping[int, Sums],
-    present: Mapping[int, Bool[np.ndarray, " r"]],
+    zeros: Mapping[int, Float[np.ndarray, "q m"]],
     pins: Mapping[int, Float[np.ndarray, " u"]],
 ) -> dict[int, Posterior]:
     """Return the posterior without each group of readings.
@@ -88,8 +86,8 @@ def leave_one_out(
     Args:
         estimate: Of all readings.
         groups: Sums of each group, by `sums_by_group`.
-        present: Runs that have readings beside each group, where the last effect is one of
-            runs.
+        zeros: Effects that no reading shows beside each group, by unknowns of the border: they
+            count as zero.
         pins: Precision by which unknowns are held that nothing else determines beside a group.
 
     Raises:
@@ -104,42 +102,13 @@ def leave_one_out(
         others = [sums for other, sums in groups.items() if other != label]
         total, theta = functools.reduce(operator.add, others), estimate.about
         gain = max(float(total.tally[1] / max(total.tally[0], 1.0)), 0.1)
-        if label in present:
-            total, theta = _without_runs(total, theta, present[label], gain)
         problem = Problem.of(total, theta, gain, pins.get(label))
+        if label in zeros:
+            pinned, total = len(zeros[label]), total.zeroed(theta, zeros[label], gain)
+            problem = dataclasses.replace(problem, sums=total, pinned=pinned)
         times = estimate.posterior.problem.times
         post = dataclasses.replace(problem, times=times).at(estimate.posterior.weights)
         if post is None:
             raise FitError(NOT_LEFT_OUT)
         posteriors[label] = post
     return posteriors
-
-
-def _without_runs(
-    sums: Sums,
-    theta: Float[np.ndarray, " u"],
-    present: Bool[np.ndarray, " r"],
-    gain: float,
-) -> tuple[Sums, Float[np.ndarray, " f"]]:
-    """Return sums and estimate with effects of the runs that are present only."""
-    stack = sums.stack
-    slim, border = _with_runs(stack, present.tobytes())
-    n = stack.band
-    values = border.T @ theta[n:]
-    start = np.concatenate([theta[:n], values])
-    step = np.concatenate([np.zeros(n), border @ values - theta[n:]])
-    return sums.moved(step, gain).reduced(slim, border), start
-
-
-@functools.lru_cache(maxsize=64)
-def _with_runs(stack: Stack, present: bytes) -> tuple[Stack, Float[np.ndarray, "m k"]]:
-    """Return a stack of fewer runs, and the matrix from its border to that of all runs."""
-    effect = stack.effects[-1]
-    assert isinstance(effect, GroupEffect)
-    fewer = dataclasses.replace(effect, present=np.frombuffer(present, bool))
-    slim = Stack((*stack.effects[:-1], fewer), stack.banded)
-    # Effects of all runs per effect of the fewer ones: the same columns in another basis.
-    rotation = effect.contrast.T @ fewer.contrast
-    others = np.eye(stack.starts[-2] - stack.band)
-    border = scipy.linalg.block_diag(others, *[rotation] * effect.parts)
-    return slim, np.asarray(border)

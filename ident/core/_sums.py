@@ -29,6 +29,8 @@ _SHIFT, _SIZE = 45, (1 << 18) - 1
 _FIRST, _BINS = (1023 - 60) << 7, 80 << 7
 """Residuals are counted by the leading bits of a float, the sign taken off: 128 bins per octave, 80
 octaves."""
+_CERTAIN = 1e6
+"""Readings that leave no doubt of a value and enough digits to all others."""
 _ROUNDING = 4.0 * float(np.finfo(np.float64).eps)
 """Slack of a node, as in `axcomp.models.EquidistantNodes`."""
 
@@ -133,38 +135,43 @@ class Sums:
         tally[2] += gain * float(step @ (change - 2.0 * self.right))
         return dataclasses.replace(self, right=self.right - change, tally=tally)
 
-    def reduced(
-        self,
-        stack: Stack,
-        border: Float[np.ndarray, "m k"],
-        band: sp.csr_array | None = None,
-    ) -> "Sums":
-        """Return the sums over fewer unknowns, of which these are linear functions.
+    def reduced(self, stack: Stack, band: sp.csr_array) -> "Sums":
+        """Return the sums over fewer unknowns of the band, of which these are linear functions.
 
         Args:
             stack: Of the fewer unknowns.
-            border: These unknowns of the border per unknown of the smaller one.
-            band: Likewise for the band; None: it stays.
+            band: These unknowns of the band per unknown of the smaller one.
         """
         n = self.stack.band
-        diagonals, cross, right = self.diagonals, border.T @ self.cross, self.right[:n]
-        if band is not None:
-            lower = lower_band(sp.csr_array(band.T @ self.band_matrix @ band))
-            diagonals = np.zeros((stack.band, len(stack.offsets)))
-            for slot, k in enumerate(stack.offsets):
-                if k < lower.shape[1]:
-                    diagonals[:, slot] = lower[:, k]
-            cross, right = np.asarray(cross @ band), np.asarray(band.T @ right)
-        return Sums(
-            stack,
-            diagonals,
-            cross,
-            border.T @ self.border @ border,
-            np.concatenate([right, border.T @ self.right[n:]]),
-            self.tally,
-            self.histogram,
-            np.zeros(stack.size, np.int64),
+        lower = lower_band(sp.csr_array(band.T @ self.band_matrix @ band))
+        diagonals = np.zeros((stack.band, len(stack.offsets)))
+        for slot, k in enumerate(stack.offsets):
+            if k < lower.shape[1]:
+                diagonals[:, slot] = lower[:, k]
+        return dataclasses.replace(
+            self,
+            stack=stack,
+            diagonals=diagonals,
+            cross=np.asarray(self.cross @ band),
+            right=np.concatenate([band.T @ self.right[:n], self.right[n:]]),
+            support=np.zeros(stack.size, np.int64),
         )
+
+    def zeroed(
+        self, theta: Vector, rows: Float[np.ndarray, "q m"], gain: float
+    ) -> "Sums":
+        """Return the sums with readings that say 0, of given shares in the border.
+
+        They hold what no other reading determines: neither counted nor judged, as they fit exactly.
+        """
+        n = self.stack.band
+        weight = _CERTAIN * float(np.diag(self.border).mean())
+        change = gain * weight * (rows.T @ (rows @ theta[n:]))
+        tally = self.tally.copy()
+        tally[2] += gain * float(theta[n:] @ change)
+        right = np.concatenate([self.right[:n], self.right[n:] - change])
+        border = self.border + weight * (rows.T @ rows)
+        return dataclasses.replace(self, border=border, right=right, tally=tally)
 
     @property
     def sizes(self) -> tuple[Float[np.ndarray, " k"], Int[np.ndarray, " k"]]:

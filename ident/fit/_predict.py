@@ -101,7 +101,7 @@ def leave_out(
 
     Smoothness and the weight that the loss leaves each reading are those of the fit of all
     samples by `fit_table`; values, noise and effects of runs are estimated anew. Arrays over
-    readings are empty.
+    readings are empty, and so are its runs.
 
     Raises:
         FitError: If there are fewer than two groups.
@@ -109,14 +109,18 @@ def leave_out(
     estimate = fit.estimate
     assert estimate is not None  # every fit of `fit_table` has one
     stack = estimate.posterior.problem.stack
-    by_run = isinstance(stack.effects[-1], GroupEffect)
-    readings, present = samples.readings, {}
+    effect, readings, zeros = stack.effects[-1], samples.readings, {}
     with one_blas_thread():
         sums = sums_by_group(estimate, readings, stack.matrix(readings), groups)
-        for label in sums if by_run else ():
-            other_runs = readings.inputs["run"][groups != label]
-            present[label] = np.bincount(other_runs, minlength=len(fit.runs)) > 0
-        posteriors = leave_one_out(estimate, sums, present, {})
+        if isinstance(effect, GroupEffect):
+            runs, ahead = readings.inputs["run"], stack.starts[-2] - stack.band
+            for label in sums:
+                absent = (
+                    np.bincount(runs[groups != label], minlength=len(fit.runs)) == 0
+                )
+                shares = effect.by_group[np.tile(absent, effect.parts)]
+                zeros[label] = np.pad(shares, ((0, 0), (ahead, 0)))
+        posteriors = leave_one_out(estimate, sums, zeros, {})
         folds = [(label, fold_of(fit, post)) for label, post in posteriors.items()]
     yield from folds
 

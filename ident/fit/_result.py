@@ -165,12 +165,8 @@ def fold_of(fit: TableFit, post: Posterior) -> TableFit:
     """Return the table of a fold's posterior: smoothness and loss are those of the whole fit."""
     assert fit.estimate is not None  # that of all readings has one
     estimate = dataclasses.replace(fit.estimate, posterior=post, stated=True)
-    effect = post.problem.stack.effects[-1]
-    runs = [run.run for run in fit.runs]
-    if isinstance(effect, GroupEffect):
-        runs = [run for run, used in zip(runs, effect.present, strict=True) if used]
     count = int(post.problem.count)
-    fold = result_of(fit.layout, estimate, fit.loss, count=count, runs=runs)
+    fold = result_of(fit.layout, estimate, fit.loss, count=count)
     fold = fold if fit.keeps is None else fit.keeps(fold)
     return dataclasses.replace(fold, estimate=None)
 
@@ -181,17 +177,18 @@ def _run_effects(
     """Return offset and drift of every run with their deviations."""
     stack = post.problem.stack
     effect = stack.effects[-1]
-    if not isinstance(effect, GroupEffect):
+    if not runs or not isinstance(effect, GroupEffect):
         return ()
     by_group, border = effect.by_group, slice(stack.here(-1).start - stack.band, None)
     inverse = post.factor.border_inverse[border, border]
     values = by_group @ post.values[stack.here(-1)]
     deviations = np.sqrt(variance * (by_group @ inverse * by_group).sum(axis=1))
-    rows = np.zeros((4, len(effect.present)))
+    rows = np.zeros((4, len(runs)))
     rows[: 2 * effect.parts : 2] = values.reshape(effect.parts, -1)
     rows[1 : 2 * effect.parts : 2] = deviations.reshape(effect.parts, -1)
-    columns = rows[:, effect.present].T.tolist()
-    return tuple(RunEffect(run, *row) for run, row in zip(runs, columns, strict=True))
+    return tuple(
+        RunEffect(run, *row) for run, row in zip(runs, rows.T.tolist(), strict=True)
+    )
 
 
 def far_runs(runs: Sequence[RunEffect]) -> tuple[int, ...]:

@@ -286,7 +286,7 @@ def _stack(table: TableEffect, counted: bytes, drift: bool) -> Stack:
     if not counted:
         return Stack((table,), banded)
     counts = np.frombuffer(counted, bool)
-    effect = GroupEffect(counts, np.ones_like(counts), "order" if drift else None)
+    effect = GroupEffect(counts, "order" if drift else None)
     return Stack((table, effect), banded)
 
 

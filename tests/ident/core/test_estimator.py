@@ -55,8 +55,7 @@ def readings(count: int = 400, seed: int = 0) -> Readings:
 
 
 def stack_of(name: str) -> Stack:
-    everything = np.ones(4, bool)
-    return Stack((TABLES[name], GroupEffect(everything, everything, "late")))
+    return Stack((TABLES[name], GroupEffect(np.ones(4, bool), "late")))
 
 
 def dense(stack: Stack, given: Readings) -> np.ndarray:
