@@ -32,7 +32,7 @@ from ._parameters import (
     readings_of,
     weights_of,
 )
-from .core import FitError, Stack, TableEffect, shared_table
+from .core import FitError, Stack, TableEffect
 
 M = TypeVar("M")
 
@@ -387,4 +387,4 @@ def _effect(table: Any) -> TableEffect:
     if isinstance(table, Leadscrew):
         ring = table.modulo is not None and table.modulo is not False
         way = None if table.neg is None else "way"
-    return shared_table(nodes, ("1", "2")[: len(nodes)], way, ring)
+    return TableEffect(nodes, ("1", "2")[: len(nodes)], way, ring)

@@ -34,7 +34,6 @@ from ._effect import (
     TableEffect as TableEffect,
     axis_nodes as axis_nodes,
     node_shares as node_shares,
-    shared_table as shared_table,
     touched as touched,
 )
 from ._errors import NOT_DETERMINED as NOT_DETERMINED, FitError as FitError

@@ -2,8 +2,6 @@
 
 import abc
 import dataclasses
-import functools
-from collections.abc import Sequence
 from functools import cached_property
 from typing import Any, final
 
@@ -220,28 +218,6 @@ class TableEffect(AbstractEffect):
         if self.branches == 2:
             shape = (2, *shape)
         return np.ascontiguousarray(values[self.place].reshape(shape))
-
-
-def shared_table(
-    nodes: Sequence[Float[np.ndarray, " _n"]],
-    inputs: tuple[str, ...],
-    way: str | None = None,
-    ring: bool = False,
-) -> TableEffect:
-    """Return a table by the attributes of `TableEffect`, the same object for the same ones.
-
-    Many jobs share it, with all that it knows of its nodes.
-    """
-    keys = tuple(np.asarray(line, np.float64).tobytes() for line in nodes)
-    return _shared_table(keys, inputs, way, ring)
-
-
-@functools.lru_cache(maxsize=8)
-def _shared_table(
-    nodes: tuple[bytes, ...], inputs: tuple[str, ...], way: str | None, ring: bool
-) -> TableEffect:
-    arrays = tuple(np.frombuffer(line, np.float64) for line in nodes)
-    return TableEffect(arrays, inputs, way, ring)
 
 
 @final

@@ -17,7 +17,6 @@ from ..core import (
     Loss,
     Problem,
     Stack,
-    TableEffect,
     estimate,
     least_scale,
     memory,
@@ -222,9 +221,10 @@ class _InMemory:
 
     def stack(self, far: Sequence[int]) -> Stack:
         """Return the table, and effects of the runs; some do not count in their mean."""
-        counted = ~np.isin(self.labels, far)
-        drift = self.run_effects == "drift"
-        return _stack(self.layout.effect, counted.tobytes(), drift)
+        table, counted = self.layout.effect, ~np.isin(self.labels, far)
+        trend = "order" if self.run_effects == "drift" else None
+        runs = (GroupEffect(counted, trend),) if len(counted) else ()
+        return Stack((table, *runs), table.size > _DENSE)
 
     def medians(self, values: Float[np.ndarray, " t"]) -> Float[np.ndarray, " r"]:
         """Return the median of each run."""
@@ -277,17 +277,6 @@ class _InMemory:
             wild=judged.wild,
             suspect_runs=suspects,
         )
-
-
-@functools.lru_cache(maxsize=8)
-def _stack(table: TableEffect, counted: bytes, drift: bool) -> Stack:
-    """Return a table, and effects of its runs, of which some count in the mean of all."""
-    banded = table.size > _DENSE
-    if not counted:
-        return Stack((table,), banded)
-    counts = np.frombuffer(counted, bool)
-    effect = GroupEffect(counts, "order" if drift else None)
-    return Stack((table, effect), banded)
 
 
 def _too_many(wild: Bool[np.ndarray, " t"], fit: TableFit, samples: Samples) -> bool:

@@ -13,7 +13,6 @@ from ..core import (
     FitError,
     Readings,
     TableEffect,
-    shared_table,
 )
 
 Array = np.ndarray
@@ -46,7 +45,7 @@ class TableLayout:
         """The table as an effect over ``position 1``, ``position 2`` and ``direction``."""
         names = tuple(f"position {k + 1}" for k in range(len(self.nodes)))
         way = "direction" if self.branches == 2 else None
-        return shared_table(self.nodes, names, way, self.periodic)
+        return TableEffect(self.nodes, names, way, self.periodic)
 
     def check(self) -> None:
         """Refuse nodes that do not ascend."""

@@ -20,8 +20,9 @@ from ..core import (
     least_scale,
     memory,
     one_blas_thread,
+    scatter_of_sums,
 )
-from ..fit.joint._memory import beyond_white, drift_beside
+from ..fit.joint._memory import drift_beside
 from ._blocks import FRAME_NAME, ZEROS_NAME, Block, zeros
 from ._effects import AbstractVolumetric
 from ._freedoms import Freedoms, Gauge, Shapes, Undetermined, degrees_of, rows_of
@@ -141,7 +142,8 @@ class VolumetricFit:
             few = len(clock) * len(white) <= _LARGE
             basis = np.eye(len(white)) if few else self._shapes.basis
             moves = rows @ (half.T @ basis)
-            more = beyond_white(self.drift, clock, moves, post.variance)
+            more = scatter_of_sums(self.drift, clock, moves)
+            more -= post.variance * (moves.T @ moves)
             return np.asarray(white + basis @ more @ basis.T)
 
     @cached_property

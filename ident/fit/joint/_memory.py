@@ -82,7 +82,8 @@ class Memory:
         if self.drift is None:
             return times(white, np.sqrt(self._swell[places]))
         scatter, moves = self.fit.estimate.scatter[0], self._moves[:, places]
-        more = beyond_white(self.drift, self._clock, moves, scatter)
+        more = scatter_of_sums(self.drift, self._clock, moves)
+        more -= scatter * (moves.T @ moves)
         result = white + (more if white.ndim > 1 else np.diag(more))
         variance = np.diag(result) if white.ndim > 1 else result
         # What a rule holds has a variance by rounding only.
@@ -97,7 +98,8 @@ class Memory:
             sums = [direction[at] @ pseudo[:, 0] for at, pseudo in self._stretches]
             at = np.concatenate([rows for rows, _ in self._stretches])
             white = np.var(self.pseudo[at]) * np.square(direction[at]).sum()
-            swell = _excess(float(np.var(sums)), float(white) / _STRETCHES)
+            ratio = float(np.var(sums)) / max(float(white) / _STRETCHES, 1e-300)
+            swell = ratio if ratio > _CHANCE else 1.0
         if self.drift is not None and direction.any():
             column = direction[self._believed, None]
             white = self.fit.estimate.scatter[0] * np.square(column).sum()
@@ -234,24 +236,6 @@ def _basis(columns: Float[np.ndarray, "s k"]) -> Float[np.ndarray, "s b"]:
     return basis[:, size > SINGULAR * size.max(initial=0.0)]
 
 
-def beyond_white(
-    noise: DriftNoise,
-    clock: Float[np.ndarray, " s"],
-    moves: Float[np.ndarray, "s k"],
-    variance: float,
-) -> Float[np.ndarray, "k k"]:
-    """Return what the covariance of values has beyond that under white noise.
-
-    Args:
-        noise: How the readings scatter.
-        clock: Their instants.
-        moves: How each of them moves the values.
-        variance: Of a reading under white noise.
-    """
-    sums = scatter_of_sums(noise, clock, moves)
-    return np.asarray(sums - variance * (moves.T @ moves))
-
-
 def without_turns(
     pseudo: Float[np.ndarray, " r"],
     positions: Sequence[Float[np.ndarray, " r"]],
@@ -288,9 +272,3 @@ def times(spread: Spread, factors: Float[np.ndarray, " k"]) -> Spread:
     return np.asarray(
         spread * (factors**2 if spread.ndim == 1 else np.outer(factors, factors))
     )
-
-
-def _excess(variance: float, white: float) -> float:
-    """Return by how much a variance exceeds that of white noise, ≥ 1; not by chance."""
-    ratio = variance / white if white > 0.0 else 1.0
-    return ratio if ratio > _CHANCE else 1.0

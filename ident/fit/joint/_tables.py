@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from .... import models
-from ...core import FitError, Readings, Smooth, TableEffect, axis_nodes, shared_table
+from ...core import FitError, Readings, Smooth, TableEffect, axis_nodes
 from ._effect import (
     AbstractEffect,
     Component,
@@ -173,7 +173,7 @@ class AbstractLine(AbstractTable):
 
     @cached_property
     def table_effect(self) -> TableEffect:
-        return shared_table((self.nodes,), self.masters, None, self.modulo)
+        return TableEffect((self.nodes,), self.masters, ring=self.modulo)
 
     @property
     def _model_nodes(self) -> models.EquidistantNodes | models.Setpoints:
@@ -303,7 +303,7 @@ class Plane(AbstractTable):
         else:
             line = zip(self.start, self.interval, self.points, strict=True)
             nodes = tuple(_grid(self.name, *axis) for axis in line)
-        return shared_table(nodes, self.masters)
+        return TableEffect(nodes, self.masters)
 
     def components(self, places: Int[np.ndarray, " p"]) -> list[Component]:
         (component,) = super().components(places)
