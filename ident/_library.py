@@ -164,7 +164,7 @@ class Fit(Mapping[str, FittedEffect]):
         run = self.data.run
         if run is None or len(np.unique(run)) < 2:
             run = np.arange(len(self.data)) * _FOLDS // max(len(self.data), 1)
-        left = held_out_errors(self.joint, self.data, run)
+        left = held_out_errors(self.joint, run)
         believed = {
             axis: left[axis][own.design.rows][own.counted]
             for axis, own in self.joint.fits.items()

@@ -21,7 +21,6 @@ from ...core import (
     memory,
     one_blas_thread,
 )
-from .._steps import Steps
 from .._table import fixed_weights
 from .._types import RunEffect
 from ._design import Design, design_of
@@ -33,6 +32,7 @@ from ._lag import (
     find_lags,
     lag_bounds,
     lagging,
+    pseudo_of,
     sensed_variances,
 )
 from ._memory import Memory, times
@@ -53,13 +53,11 @@ class AxisFit:
     """A fitted axis.
 
     Attributes:
-        data: All readings.
         known: What its rows tell, whatever was measured in them.
         estimate: Of its stack.
         lags: By sensor.
     """
 
-    data: JointData
     known: Identified
     estimate: Estimate
     lags: Mapping[str, FoundLag]
@@ -76,14 +74,14 @@ class AxisFit:
 
     @cached_property
     def pseudo(self) -> Float[np.ndarray, " r"]:
-        """Pseudo-readings of the last pass about the estimate before it, see `_pseudo`."""
-        return _pseudo(self.design, self.data, self.estimate)
+        """Pseudo-readings of the last pass about the estimate before it."""
+        return pseudo_of(self.design, self.estimate)
 
     @cached_property
     def active(self) -> Bool[np.ndarray, " r"]:
         """Readings that are believed at all."""
         fit = self.estimate
-        residual = _error(self.design, self.data) - self.design.columns @ fit.centre
+        residual = self.design.error - self.design.columns @ fit.centre
         return np.asarray(~fit.loss.wild(residual / fit.loss.scale))
 
     @property
@@ -95,8 +93,7 @@ class AxisFit:
     @cached_property
     def residual(self) -> Float[np.ndarray, " r"]:
         """Error − fit of the readings that were used."""
-        error = _error(self.design, self.data)
-        return np.asarray(error - self.design.columns @ self.theta)
+        return np.asarray(self.design.error - self.design.columns @ self.theta)
 
     @property
     def message(self) -> str:
@@ -117,7 +114,7 @@ class AxisFit:
 
     def over_rows(self, values: np.ndarray, empty: float | bool) -> np.ndarray:
         """Return values of the used readings over all rows."""
-        whole = np.full(len(self.data), empty)
+        whole = np.full(len(self.design.data), empty)
         whole[self.design.rows] = values
         return whole
 
@@ -171,8 +168,8 @@ class AxisFit:
     @cached_property
     def _rounded(self) -> Float[np.ndarray, " n"]:
         """Variance of each unknown by what the instrument rounds off every time at a place."""
-        steps, result = _steps(self.design, self.data), np.zeros(self.design.size)
-        common = steps.common(self.residual, ~self.active)
+        common = self.design.steps.common(self.residual, ~self.active)
+        result = np.zeros(self.design.size)
         for component in self.design.components:
             result[component.places] = common if component.rank in TABLES else 0.0
         return result
@@ -181,7 +178,7 @@ class AxisFit:
     def lag_deviation(self) -> dict[str, float]:
         """Standard deviation of each lag in s, such as noise with a memory leaves it."""
         design, values = self.design, self.estimate.values
-        sensed = sensed_variances(design, self.data, values, self.active, self.lags)
+        sensed = sensed_variances(design, values, self.active, self.lags)
         result: dict[str, float] = {}
         for sensor, lag in self.lags.items():
             variance = lag.deviation**2
@@ -210,11 +207,6 @@ class AxisFit:
         return tuple(RunEffect(run, *values) for run, values in pairs)
 
 
-def _pseudo(design: Design, data: JointData, fit: Estimate) -> Float[np.ndarray, " r"]:
-    """Return the pseudo-readings of an estimate, see `Estimate.pseudo`."""
-    return fit.pseudo(_error(design, data) - design.columns @ fit.centre)
-
-
 def fit_axis(
     axis: str,
     effects: Sequence[AbstractEffect],
@@ -229,23 +221,23 @@ def fit_axis(
     sensors = dict.fromkeys(sensor for sensor, lag in all_lags if lag == "fit")
     lags: dict[str, FoundLag] = {}
     design = design_of(axis, effects, data, drift, use)
-    estimated = partial(_estimated, data, smoothness, loss)
+    estimated = partial(_estimated, smoothness, loss)
     fit = estimated(design, None, rough=bool(sensors))
     values = dict.fromkeys(sensors, 0.0)
     for sensor in sensors if loss != "gauss" else ():
-        values, design, fit = _start(design, data, values, sensor, fit, estimated)
+        values, design, fit = _start(design, values, sensor, fit, estimated)
     for number in range(_LAG_ROUNDS if sensors else 0):
         before = values
-        lags = find_lags(design, data, fit, _pseudo(design, data, fit), before)
+        lags = find_lags(design, fit, before)
         values = {sensor: lag.value for sensor, lag in lags.items()}
         if number and values == before:
             break
-        design = lagging(design, data, values)
+        design = lagging(design, values)
         fit = estimated(design, fit)
     else:
         # Nothing to find, or no end to it.
         fit = dataclasses.replace(fit, converged=fit.converged and not sensors)
-    found = AxisFit(data, identified(design, data, drift), fit, lags)
+    found = AxisFit(identified(design), fit, lags)
     vague = [
         s for s, lag in lags.items() if _SURE * found.lag_deviation[s] > lag.value > 0.0
     ]
@@ -253,15 +245,14 @@ def fit_axis(
         return found
     # Noise with a memory looks like a lag that may as well be none.
     values |= dict.fromkeys(vague, 0.0)
-    design = lagging(design, data, values)
+    design = lagging(design, values)
     none = {s: dataclasses.replace(lags[s], value=0.0, deviation=0.0) for s in vague}
     fit = estimated(design, fit)
-    return AxisFit(data, identified(design, data, drift), fit, lags | none)
+    return AxisFit(identified(design), fit, lags | none)
 
 
 def _start(
     design: Design,
-    data: JointData,
     lags: Mapping[str, float],
     sensor: str,
     fit: Estimate,
@@ -274,42 +265,29 @@ def _start(
 
     Args:
         design: Columns of these lags.
-        data: All rows.
         lags: By sensor in s, 0 for this one.
         sensor: Whose lag is looked for.
         fit: By these columns.
         estimated: Fits a design, given the fit of one that is near.
     """
     trials = [(dict(lags), design, fit)]
-    low, high = lag_bounds(design.axis, data)
+    low, high = lag_bounds(design)
     for lag in np.exp(np.linspace(low, high, _LAG_STARTS + 2))[1:-1]:
         trial = {**lags, sensor: float(lag)}
-        columns = lagging(design, data, trial)
+        columns = lagging(design, trial)
         # One that is so long leaves nothing of a change.
         with contextlib.suppress(FitError):
             trials.append((trial, columns, estimated(columns, fit, rough=True)))
-    error = _error(design, data)
-    sizes = np.array([error - d.columns @ f.values for _, d, f in trials])
-    scale = max(float(np.median(np.abs(sizes), axis=1).min()), least_scale(error))
+    sizes = np.array([d.error - d.columns @ f.values for _, d, f in trials])
+    least = least_scale(design.error)
+    scale = max(float(np.median(np.abs(sizes), axis=1).min()), least)
     # Minus log likelihood of Student's t: wild readings count alike for all lags.
     costs = 2.5 * np.log1p(np.square(sizes / (1.4826 * scale)) / 4.0).sum(axis=1)
     best = int(np.argmin(costs))
     return trials[best if costs[0] - costs[best] > WORTH else 0]
 
 
-def _error(design: Design, data: JointData) -> Float[np.ndarray, " r"]:
-    return np.asarray(data.error[design.axis][design.rows], float)
-
-
-def _steps(design: Design, data: JointData) -> Steps:
-    """Return the steps in which the instrument reads; a place is one of all axes."""
-    columns = [*data.position.values(), *data.direction.values()]
-    places = [np.nan_to_num(column)[design.rows] for column in columns]
-    return Steps.of(_error(design, data), places)
-
-
 def _estimated(
-    data: JointData,
     smoothness: Smoothness,
     loss: str,
     design: Design,
@@ -317,7 +295,7 @@ def _estimated(
     rough: bool = False,
 ) -> Estimate:
     """Return the fit of the stack for given lags."""
-    error, pins = _error(design, data), design.pins
+    error, pins = design.error, design.pins
     if isinstance(smoothness, Mapping):
         names = design.weights
         stated = [smoothness.get(part, {}).get(name, 0.0) for part, name in names]
@@ -337,7 +315,7 @@ def _estimated(
         memory(design.stack, Readings(error, {}), design.columns),
         loss=loss,
         weights=weights,
-        floor=max(least_scale(error), _steps(design, data).size),
+        floor=max(least_scale(error), design.steps.size),
         start=start,
         pins=pins if pins.any() else None,
         near=near,

@@ -31,6 +31,7 @@ from ...core import (
     sums_of,
 )
 from .._identifiable import null_space, pins_of
+from .._steps import Steps
 from ._effect import AbstractEffect, Component, Rank
 
 _BANDED = 400
@@ -126,6 +127,7 @@ class Design:
         axis: Compensated axis.
         effects: Its effects, nodes placed; the largest plane first, its nodes in the order in
             which they are banded.
+        data: All readings.
         rows: Rows of the data that are used.
         columns: Shape ``(r, n)``.
         components: Effects, then the datum, then the runs and what they wander, if any.
@@ -134,6 +136,7 @@ class Design:
 
     axis: str
     effects: tuple[AbstractEffect, ...]
+    data: JointData
     rows: Int[np.ndarray, " r"]
     columns: sp.csr_array
     components: tuple[Component, ...]
@@ -143,6 +146,18 @@ class Design:
     def stated(self) -> tuple[Component, ...]:
         """Components that someone asked for: all but the wander."""
         return tuple(part for part in self.components if part.rank != Rank.WANDER)
+
+    @cached_property
+    def error(self) -> Float[np.ndarray, " r"]:
+        """Readings of these rows in mm or °."""
+        return np.asarray(self.data.error[self.axis][self.rows], float)
+
+    @cached_property
+    def steps(self) -> Steps:
+        """Steps in which the instrument reads; a place is one of all axes."""
+        columns = [*self.data.position.values(), *self.data.direction.values()]
+        places = [np.nan_to_num(column)[self.rows] for column in columns]
+        return Steps.of(self.error, places)
 
     @property
     def size(self) -> int:
@@ -297,7 +312,7 @@ def design_of(
         components.append(_nuisance(axis, rank, places, course))
         count += block.shape[1]
     matrix = sp.csr_array(sp.hstack(columns, format="csr"))
-    return Design(axis, tuple(ordered), rows, matrix, tuple(components), course)
+    return Design(axis, tuple(ordered), data, rows, matrix, tuple(components), course)
 
 
 def _nuisance(

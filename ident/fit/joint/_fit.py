@@ -254,14 +254,14 @@ def _parts(fit: AxisFit) -> Iterator[Part]:
             support=post.problem.sums.support[places],
             determined=~known.unknown[places],
             share=known.share_of(effect.name),
-            contribution=effect.curve(fit.theta[places], fit.data),
+            contribution=effect.curve(fit.theta[places], fit.design.data),
             fit=fit,
             smoothness=smoothness.get(effect.name, {}),
         )
 
 
 def held_out_errors(
-    fit: JointFit, data: JointData, groups: Int[np.ndarray, " t"], *, runs: bool = False
+    fit: JointFit, groups: Int[np.ndarray, " t"], *, runs: bool = False
 ) -> dict[str, Float[np.ndarray, " t"]]:
     """Return each error less the sum that is fitted without its group, by axis in mm or °.
 
@@ -270,29 +270,23 @@ def held_out_errors(
 
     Args:
         fit: Of all rows, by `fit_joint`.
-        data: Its readings.
         groups: What is left out together: the run, or the block of each row.
         runs: As for `JointFit.predict`.
     """
     result = {}
     for axis, axis_fit in fit.fits.items():
-        rows = axis_fit.design.rows
-        result[axis] = np.full(len(data), np.nan)
-        error = data.error[axis][rows]
-        with one_blas_thread():
-            result[axis][rows] = _held_out(axis_fit, error, groups[rows], runs)
+        held_out = _held_out(axis_fit, groups[axis_fit.design.rows], runs)
+        result[axis] = axis_fit.over_rows(held_out, np.nan)
     return result
 
 
+@one_blas_thread()
 def _held_out(
-    fit: AxisFit,
-    error: Float[np.ndarray, " r"],
-    groups: Int[np.ndarray, " r"],
-    runs: bool,
+    fit: AxisFit, groups: Int[np.ndarray, " r"], runs: bool
 ) -> Float[np.ndarray, " r"]:
     """Return what is left of the used readings of one axis, each fitted without its group."""
     design, estimate = fit.design, fit.estimate
-    columns, residual = design.columns, np.array(error)
+    columns, error, residual = design.columns, design.error, design.error.copy()
     sums = sums_by_group(estimate, Readings(error, {}), columns, groups)
     if len(sums) < 2:
         return residual  # without its only group nothing is known
@@ -329,9 +323,7 @@ def examine_design(
     """
     with one_blas_thread():
         return words_of(
-            identified(
-                design_of(axis, group, data, 0, None, axis in data.error), data, 0
-            )
+            identified(design_of(axis, group, data, 0, None, axis in data.error))
             for axis, group in _by_axis([e.placed(data) for e in effects]).items()
         )
 

@@ -171,13 +171,13 @@ def _carried_on(
     return result
 
 
-def ideal_shapes(design: Design, data: JointData, drift: int) -> Shapes:
+def ideal_shapes(design: Design) -> Shapes:
     """Return the shapes with the information of rows in which everything varies by itself.
 
     Places, directions, accelerations, temperatures and runs are random. The axes move where they
     moved in the data: what is alike there may be exchanged there.
     """
-    rng = np.random.default_rng(0)
+    data, rng = design.data, np.random.default_rng(0)
     sizes = [
         len(part.places) if part.table is None else sum(map(len, part.table.nodes))
         for part in design.stated
@@ -212,5 +212,8 @@ def ideal_shapes(design: Design, data: JointData, drift: int) -> Shapes:
         effect.lagging(dict.fromkeys(effect.sensor_names, 0.0))
         for effect in design.effects
     ]
-    ideal = design_of(design.axis, effects, varied, drift, measured=False, wander=False)
+    pieces = design.course.pieces
+    ideal = design_of(
+        design.axis, effects, varied, pieces, measured=False, wander=False
+    )
     return shapes_of(ideal, smooth=False)

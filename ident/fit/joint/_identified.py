@@ -11,7 +11,6 @@ from typing import final
 import numpy as np
 from jaxtyping import Bool, Float
 
-from ..._recording import JointData
 from ...core import Posterior
 from .._identifiable import Correlations, Shapes, Shared
 from ._design import Design
@@ -137,9 +136,9 @@ class Identified:
         )
 
 
-def identified(design: Design, data: JointData, drift: int) -> Identified:
-    """Return what the rows of an axis tell of its unknowns; arguments as of `ideal_shapes`."""
-    ideal = ideal_shapes(design, data, drift)
+def identified(design: Design) -> Identified:
+    """Return what the rows of an axis tell of its unknowns."""
+    ideal = ideal_shapes(design)
     structure = Rules.of(design, ideal)
     functionals = [structure.functionals[:, part.places] for part in design.stated]
     shapes = shapes_of(design, smooth=True).limited(functionals)

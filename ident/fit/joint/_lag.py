@@ -57,13 +57,13 @@ class FoundLag:
     direction: Float[np.ndarray, " r"]
 
 
-def lag_bounds(axis: str, data: JointData) -> tuple[float, float]:
+def lag_bounds(design: Design) -> tuple[float, float]:
     """Return the logarithms of the shortest and the longest lag that a clock could show.
 
     Raises:
         FitError: If there is no clock.
     """
-    clock = data.clock_for(f"axis {axis}: a lag")
+    clock = design.data.clock_for(f"axis {design.axis}: a lag")
     clock = np.unique(clock[np.isfinite(clock)])
     if len(clock) < 3:
         msg = "all readings have the same time, expected a clock that runs."
@@ -72,31 +72,31 @@ def lag_bounds(axis: str, data: JointData) -> tuple[float, float]:
     return float(np.log(max(gap, 1e-4 * span))), float(np.log(span))
 
 
+def pseudo_of(design: Design, fit: Estimate) -> Float[np.ndarray, " r"]:
+    """Return the pseudo-readings of a fit about its centre, 0 where one is not believed."""
+    return fit.pseudo(design.error - design.columns @ fit.centre)
+
+
 def find_lags(
-    design: Design,
-    data: JointData,
-    fit: Estimate,
-    pseudo: Float[np.ndarray, " r"],
-    near: Mapping[str, float],
+    design: Design, fit: Estimate, near: Mapping[str, float]
 ) -> dict[str, FoundLag]:
     """Return the lags with the best evidence, smoothness and weights of readings as they are.
 
     Args:
-        design: Columns.
-        data: All rows: a lag remembers those that are not fitted.
+        design: Columns; of its data a lag remembers the rows that are not fitted, too.
         fit: By the same columns.
-        pseudo: Its pseudo-readings about `Estimate.centre`, 0 where one is not believed.
         near: Lags that are about right in s, by sensor; 0 = unknown.
 
     Raises:
         FitError: If there is no clock.
     """
-    low, high = lag_bounds(design.axis, data)
+    low, high = lag_bounds(design)
+    pseudo = pseudo_of(design, fit)
     target, active = pseudo + design.columns @ fit.centre, pseudo != 0.0
     believed = active.astype(float)
 
     def evidence(lags: Mapping[str, float]) -> float:
-        trial = lagging(design, data, lags)
+        trial = lagging(design, lags)
         return _evidence(trial, _posterior(trial, fit, target, believed), active)
 
     lags, width = dict(near), (high - low) / (_GRID - 1)
@@ -120,10 +120,10 @@ def find_lags(
         lags[sensor] = float(np.exp(optimum.x))
     if evidence(near) - evidence(lags) < _SETTLED:
         lags = dict(near)
-    design = lagging(design, data, lags)
+    design = lagging(design, lags)
     # Without any residual there is none that could have changed sides.
     post = _posterior(design, fit, target, believed) or fit.posterior
-    return _with_deviations(design, data, post, active, lags)
+    return _with_deviations(design, post, active, lags)
 
 
 def _posterior(
@@ -162,13 +162,13 @@ def _evidence(
     return post.evidence - float(size)
 
 
-def lagging(design: Design, data: JointData, lags: Mapping[str, float]) -> Design:
+def lagging(design: Design, lags: Mapping[str, float]) -> Design:
     """Return a design with other lags by sensor: only the columns of temperatures change."""
     places, others = _heated_places(design), np.ones(design.size)
     others[places] = 0.0
     ones = np.ones(len(places)), (np.arange(len(places)), places)
     scatter = sp.csr_array(ones, shape=(len(places), design.size))
-    heated: Any = sp.csr_array(_heated(design, data, lags)) @ scatter
+    heated: Any = sp.csr_array(_heated(design, design.data, lags)) @ scatter
     columns = sp.csr_array(design.columns @ sp.diags_array(others) + heated)
     columns.eliminate_zeros()
     effects = tuple(effect.lagging(lags) for effect in design.effects)
@@ -177,7 +177,6 @@ def lagging(design: Design, data: JointData, lags: Mapping[str, float]) -> Desig
 
 def _with_deviations(
     design: Design,
-    data: JointData,
     post: Posterior,
     active: Bool[np.ndarray, " r"],
     lags: Mapping[str, float],
@@ -187,7 +186,7 @@ def _with_deviations(
     heated, change = _heated_places(design), np.zeros((len(design.rows), len(delayed)))
     for k, sensor in enumerate(delayed):
         ends = [lags[sensor] * (1.0 + sign * _STEP) for sign in (1.0, -1.0)]
-        columns = (_heated(design, data, {**lags, sensor: end}) for end in ends)
+        columns = (_heated(design, design.data, {**lags, sensor: e}) for e in ends)
         later, sooner = (block @ post.values[heated] for block in columns)
         change[:, k] = (later - sooner) / (ends[0] - ends[1])
     moves = change * active[:, None]
@@ -205,7 +204,6 @@ def _with_deviations(
 
 def sensed_variances(
     design: Design,
-    data: JointData,
     theta: Vector,
     active: Bool[np.ndarray, " r"],
     fitted: Mapping[str, FoundLag],
@@ -218,7 +216,8 @@ def sensed_variances(
     lags = {sensor: lag.value for sensor, lag in fitted.items() if lag.value > 0.0}
     if not lags:
         return {}
-    heated, rng, result = _heated_places(design), np.random.default_rng(0), {}
+    data, heated, result = design.data, _heated_places(design), {}
+    rng = np.random.default_rng(0)
     for sensor, lag in lags.items():
         warmth = data.temperature[sensor]
         sensed = clocked(np.asarray(data.time, float), warmth)

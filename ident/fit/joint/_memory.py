@@ -56,7 +56,7 @@ class Memory:
     @cached_property
     def time(self) -> Float[np.ndarray, " r"] | None:
         """Instant of each reading in s; None without a clock."""
-        time = self.fit.data.time
+        time = self.fit.design.data.time
         return None if time is None else np.asarray(time)[self.fit.design.rows]
 
     @cached_property
@@ -68,7 +68,7 @@ class Memory:
     @cached_property
     def pseudo(self) -> Float[np.ndarray, " r"]:
         """Pseudo-readings without what the direction explains, 0 where one is not believed."""
-        design, position = self.fit.design, self.fit.data.position
+        design, position = self.fit.design, self.fit.design.data.position
         masters = {name for effect in design.effects for name in effect.masters}
         names = sorted(masters & position.keys())
         places = [position[name][design.rows] for name in names]

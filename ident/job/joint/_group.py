@@ -176,7 +176,7 @@ def _identified(
     if recording.data.own_zero is not None or arbitrary:
         recording = _zeroed(recording, fit)
         fit = _fit(members, recording, [*effects, *helpers])
-    left = held_out_errors(fit, recording.data, recording.fold, runs=recording.drifting)
+    left = held_out_errors(fit, recording.fold, runs=recording.drifting)
     return IdentifiedGroup(name, members, recording, fit, left)
 
 

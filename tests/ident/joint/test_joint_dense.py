@@ -133,7 +133,7 @@ def test_a_group_is_left_out_as_if_it_had_never_been_measured(
     case = mixed(4, count=1500, outliers=0.0)
     groups = np.arange(1500) // 500
     fit = fit_joint(case.data, effects(), loss="gauss")
-    left = held_out_errors(fit, case.data, groups)["X"]
+    left = held_out_errors(fit, groups)["X"]
     weights = {part.name: part.smoothness for part in fit.parts}
     found = [part.effect for part in fit.parts]  # with their lags
     for group in range(3):

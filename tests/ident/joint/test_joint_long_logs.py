@@ -66,7 +66,7 @@ def test_what_rounding_adds_to_an_open_direction_is_none(
     data = drifting_log(4_000)
     design = design_of("X", [effect.placed(data) for effect in EFFECTS], data, 6)
     # Constants of leadscrew and drift against the datum, and the slope of both.
-    rules = Rules.of(design, ideal_shapes(design, data, 6))
+    rules = Rules.of(design, ideal_shapes(design))
     assert rules.null.shape[1] == 3
     open_ = rules.null.copy()
     place = design.places_of("backlash of X")

@@ -137,7 +137,7 @@ def test_a_fold_keeps_the_walk_of_the_whole() -> None:
     fit = fitted(data)
     assert data.time is not None
     groups = np.floor(data.time / 10.0).astype(np.int64) % 5
-    left = held_out_errors(fit, data, groups, runs=True)["X"]
+    left = held_out_errors(fit, groups, runs=True)["X"]
     # For ten seconds that nobody saw the reference walks on: 0.047 µm per root of a second.
     assert np.std(left) == pytest.approx(NOISE, rel=0.05)
 
