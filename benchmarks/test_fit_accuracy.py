@@ -101,9 +101,7 @@ def best_fixed(case: Case) -> tuple[float, float]:
     good = case.samples.take(~case.wild)
 
     def cost(log: float) -> float:
-        values = fit_values(
-            case.layout, good.positions, good.error, smoothness=10.0**log
-        )
+        values = fit_values(case.layout, good, smoothness=10.0**log)
         return size(rounded(np.asarray(values)) - case.truth)
 
     found: Any = minimize_scalar(

@@ -76,9 +76,7 @@ def peer(samples: Samples) -> np.ndarray:
 
 
 def fixed(samples: Samples) -> np.ndarray:
-    return np.asarray(
-        fit_values(LAYOUT, samples.positions, samples.error, smoothness=SMOOTHNESS)
-    )
+    return np.asarray(fit_values(LAYOUT, samples, smoothness=SMOOTHNESS))
 
 
 def best_times(

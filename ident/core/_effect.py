@@ -27,8 +27,6 @@ Design = tuple[Int[np.ndarray, "t k"], Float[np.ndarray, "t k"]]
 
 _EVEN = 1e-9
 """Nodes count as equidistant when they lie on a straight line to this share of a cell."""
-_PLACES, _NODES = 1 << 12, 12
-"""Up to so many places, nodes of a polyline are filled up to so many: compiled code is shared."""
 
 
 class AbstractEffect(abc.ABC):
@@ -90,30 +88,6 @@ def axis_nodes(nodes: Float[np.ndarray, " n"]) -> EquidistantNodes | Setpoints:
         start, step = jnp.asarray(nodes[0]), jnp.asarray(interval)
         return EquidistantNodes(start, step, len(nodes))
     return Setpoints(jnp.asarray(nodes))
-
-
-@jax.jit
-def _shares(nodes: Float[Array, " n"], places: Float[Array, " t"]) -> Array:
-    return Setpoints(nodes).stencil(places).matrix()
-
-
-def node_shares(
-    places: Float[np.ndarray, " t"], nodes: Float[np.ndarray, " n"]
-) -> Float[np.ndarray, "t n"]:
-    """Return the share of each node at each place, NaN where that is NaN.
-
-    Those of all laws of `axcomp.models` over given points: linear between, the ends held.
-    """
-    count, size, finite = len(places), len(nodes), np.isfinite(places)
-    # Held here, since further nodes stand behind the last one.
-    clipped = np.clip(np.where(finite, places, nodes[0]), nodes[0], nodes[-1])
-    # Many places outweigh a compilation, and their columns the memory.
-    width = max(size, _NODES if count <= _PLACES else 0)
-    beyond = nodes[-1] + max(1.0, abs(nodes[-1])) * np.arange(1, width - size + 1)
-    line = jnp.asarray(np.concatenate([nodes, beyond]))
-    result = np.array(_shares(line, jnp.asarray(filled(clipped))))[:count, :size]
-    result[~finite] = np.nan
-    return result
 
 
 @final
@@ -218,6 +192,22 @@ class TableEffect(AbstractEffect):
         if self.branches == 2:
             shape = (2, *shape)
         return np.ascontiguousarray(values[self.place].reshape(shape))
+
+
+def node_shares(
+    places: Float[np.ndarray, " t"], nodes: Float[np.ndarray, " n"]
+) -> Float[np.ndarray, "t n"]:
+    """Return the share of each node at each place, NaN where that is NaN.
+
+    Those of all laws of `axcomp.models` over given points: linear between, the ends held.
+    """
+    finite, table = np.isfinite(places), TableEffect((nodes,), ("place",))
+    inputs = {"place": np.where(finite, places, nodes[0])}
+    at, shares = table.design(Readings(places, inputs))
+    result = np.zeros((len(places), len(nodes)))
+    np.add.at(result, (np.arange(len(places))[:, None], at), shares)
+    result[~finite] = np.nan
+    return result
 
 
 @final

@@ -96,29 +96,17 @@ class Sums:
 
     def apply(self, values: Float[np.ndarray, " u"]) -> Vector:
         """Return $A^T W A$ × values."""
-        n = self.stack.band
-        if not n:
-            return np.asarray(self.border @ values)
-        result, band = np.zeros_like(values), values[:n]
-        for slot, k in enumerate(self.stack.offsets):
-            diagonal = self.diagonals[: n - k, slot]
-            result[k:n] += diagonal * band[: n - k]
-            if k:
-                result[: n - k] += diagonal * band[k:]
-        if len(self.border):
-            result[:n] += self.cross.T @ values[n:]
-            result[n:] = self.cross @ band + self.border @ values[n:]
-        return result
+        band, rest = np.split(values, [self.stack.band])
+        upper = self.band_matrix @ band + self.cross.T @ rest
+        return np.concatenate([upper, self.cross @ band + self.border @ rest])
 
     @property
-    def band_matrix(self) -> sp.csr_array:
+    def band_matrix(self) -> sp.dia_array:
         """$A^T W A$ of the band, both triangles."""
-        n = self.stack.band
-        offsets = self.stack.offsets
+        n, offsets = self.stack.band, self.stack.offsets
         lower: Any = [self.diagonals[: n - k, s] for s, k in enumerate(offsets)]
         signed: Any = [*(-k for k in offsets), *offsets[1:]]
-        band = sp.diags_array([*lower, *lower[1:]], offsets=signed, shape=(n, n))
-        return sp.csr_array(band)
+        return sp.diags_array([*lower, *lower[1:]], offsets=signed, shape=(n, n))
 
     @property
     def matrix(self) -> sp.csr_array:

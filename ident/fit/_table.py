@@ -131,26 +131,20 @@ def fit_table(
 
 
 def fit_values(
-    layout: TableLayout,
-    positions: Float[np.ndarray, "t d"],
-    error: Float[np.ndarray, " t"],
-    *,
-    smoothness: float,
-    branch: Int[np.ndarray, " t"] | None = None,
+    layout: TableLayout, samples: Samples, *, smoothness: float
 ) -> Float[np.ndarray, "..."]:
     """Return the node values that minimise the penalised squares, and nothing else.
 
-    The fast path for very many readings; `axcomp.fit_linear` gives derivatives. Readings as of
-    `Samples`, smoothness as for `fit_table`, but not ``"auto"``.
+    The fast path for very many readings; `axcomp.fit_linear` gives derivatives. Smoothness as
+    for `fit_table`, but not ``"auto"``.
 
     Raises:
         FitError: If the readings do not determine the table.
     """
-    readings = Samples(positions, error, branch).readings
     stack = Stack((layout.effect,))
     with one_blas_thread():
         zero = np.zeros(stack.size)
-        problem = Problem.of(sums_of(stack, readings, zero, Loss())[0], zero)
+        problem = Problem.of(sums_of(stack, samples.readings, zero, Loss())[0], zero)
         weights = fixed_weights(smoothness)
         assert weights is not None  # a number
         values = problem.values_at(weights(problem))

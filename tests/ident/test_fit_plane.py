@@ -95,7 +95,7 @@ def best_fixed(case: Case) -> float:
     good = case.samples.take(~case.wild)
 
     def cost(log: float) -> float:
-        values = fit_values(LAYOUT, good.positions, good.error, smoothness=10.0**log)
+        values = fit_values(LAYOUT, good, smoothness=10.0**log)
         return size(rounded(np.asarray(values)) - case.truth)
 
     found: Any = minimize_scalar(
@@ -235,8 +235,9 @@ def test_values_alone_are_those_of_the_whole_fit(smoothness: float, gap: bool) -
     error = 0.02 * np.sin(places[:, 0] / 60.0) * np.cos(places[:, 1] / 50.0)
     error += 0.002 * rng.standard_normal(len(places))
     layout = TableLayout((nodes, nodes))
-    fit = fit_table(layout, Samples(places, error), smoothness=smoothness, loss="gauss")
-    values = fit_values(layout, places, error, smoothness=smoothness)
+    samples = Samples(places, error)
+    fit = fit_table(layout, samples, smoothness=smoothness, loss="gauss")
+    values = fit_values(layout, samples, smoothness=smoothness)
     # Conjugate gradients end at 1e-10 of the right-hand side, a thousandth of a list unit
     # after the condition of the matrix; stiff ones go to the factor.
     np.testing.assert_allclose(values, fit.values, atol=1e-7)

@@ -170,7 +170,7 @@ def test_rows_left_out_serve_as_history_and_are_predicted(
 
 
 def test_held_out_readings_scatter_by_their_noise(case: Any, fit: JointFit) -> None:
-    left = held_out_errors(fit, case.data, np.arange(len(case.data)) % 5)["X"]
+    left = held_out_errors(fit, np.arange(len(case.data)) % 5)["X"]
     inner = np.abs(left) < 0.01
     # Held out: noise and the uncertainty of the fit, sqrt(1 + 100/3200).
     assert np.std(left[inner]) == pytest.approx(NOISE, rel=0.08)
