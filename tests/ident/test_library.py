@@ -536,6 +536,9 @@ def test_nodes_are_given_one_way() -> None:
     nodes = axcomp.Leadscrew("X", start=0.0, interval=0.1, points=5).nodes
     # Readings written 0.3 lie on the node 3 · 0.1.
     assert nodes[3] == 0.3
+    line = np.arange(3.0)
+    with pytest.raises(FitError, match="either nodes or start"):
+        axcomp.Plane("Z", ("X", "Y"), (line, line), interval=(1.0, 1.0))
     with pytest.raises(FitError, match="either sensor or sensors"):
         axcomp.Temperature("X")
 

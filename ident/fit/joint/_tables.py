@@ -114,9 +114,20 @@ class AbstractTable(AbstractEffect):
         return np.reshape(offsets, ((2,) if len(signs) > 1 else ()) + mesh.shape[:-1])
 
 
-def _grid(
-    name: str, start: Number, interval: Number, points: int
+def _nodes_of(
+    name: str, key: str, given: Any, start: Any, interval: Any, points: Any
 ) -> Float[np.ndarray, " n"]:
+    """Return nodes along a line: given one by one under a key, or else equidistant.
+
+    Raises:
+        FitError: If they are given in both ways or in none, or are no numbers.
+    """
+    missing = [each is None for each in (start, interval, points)]
+    if given is not None and all(missing):
+        return np.asarray(given, np.float64)
+    if given is not None or any(missing):
+        msg = f"{name}: expected either {key} or start, interval and points"
+        raise FitError(msg)
     with contextlib.suppress(TypeError, ValueError):
         if int(points) == points:
             nodes = float(start) + float(interval) * np.arange(int(points))
@@ -157,19 +168,8 @@ class AbstractLine(AbstractTable):
     @cached_property
     def nodes(self) -> Float[np.ndarray, " n"]:
         """Positions of the nodes in mm or °."""
-        start, interval, points = self.start, self.interval, self.points
-        unset = start is None and interval is None and points is None
-        if self.setpoints is not None and unset:
-            return np.asarray(self.setpoints, np.float64)
-        if self.setpoints is None and not (
-            start is None or interval is None or points is None
-        ):
-            return _grid(self.name, start, interval, points)
-        msg = (
-            f"{self.compensation} of {self.axis}: expected either setpoints or start, "
-            "interval and points"
-        )
-        raise FitError(msg)
+        name, line = f"{self.compensation} of {self.axis}", (self.start, self.interval)
+        return _nodes_of(name, "setpoints", self.setpoints, *line, self.points)
 
     @cached_property
     def table_effect(self) -> TableEffect:
@@ -295,14 +295,9 @@ class Plane(AbstractTable):
 
     @cached_property
     def table_effect(self) -> TableEffect:
-        if self.nodes is not None:
-            nodes = tuple(np.asarray(line, float) for line in self.nodes)
-        elif self.start is None or self.interval is None or self.points is None:
-            msg = f"{self.name}: expected either nodes or start, interval and points"
-            raise FitError(msg)
-        else:
-            line = zip(self.start, self.interval, self.points, strict=True)
-            nodes = tuple(_grid(self.name, *axis) for axis in line)
+        given = (self.nodes, self.start, self.interval, self.points)
+        lines = zip(*(each or (None, None) for each in given), strict=True)
+        nodes = tuple(_nodes_of(self.name, "nodes", *line) for line in lines)
         return TableEffect(nodes, self.masters)
 
     def components(self, places: Int[np.ndarray, " p"]) -> list[Component]:

@@ -177,7 +177,8 @@ class Temperature(AbstractEffect):
                 if not len(values):
                     msg = f"{self.name}: sensor {sensor} has no readings."
                     raise FitError(msg)
-                nodes = _spread(float(values.min()), float(values.max()), _count(nodes))
+                count: Any = _COUNTS[nodes] if isinstance(nodes, str) else nodes
+                nodes = _spread(float(values.min()), float(values.max()), count)
             law[name] = nodes
         return dataclasses.replace(self, law=law)
 
@@ -284,17 +285,10 @@ class Temperature(AbstractEffect):
     ) -> dict[str, Shaped[np.ndarray, " _n"]]:
         """Return the values by parameter."""
         result, first = {}, 0
-        for law in self.sensors:
-            count = _count(self.law.get(law, "linear"))
-            result[law] = values[first : first + count]
-            first += count
+        for law, nodes in self.nodes.items():
+            result[law] = values[first : first + len(nodes)]
+            first += len(nodes)
         return result
-
-
-def _count(nodes: Nodes) -> int:
-    if isinstance(nodes, str):
-        return _COUNTS[nodes]
-    return nodes if isinstance(nodes, int) else len(nodes)
 
 
 def _spread(low: float, high: float, count: int) -> Float[np.ndarray, " _n"]:
