@@ -17,7 +17,6 @@ from ...data.measurements import (
     open_large,
 )
 from ..fit import (
-    Ahead,
     Apply,
     Part,
     Samples,
@@ -127,4 +126,4 @@ def _shared(
     if threads > 1:
         # Neither reading nor summing holds the interpreter.
         return pieces, stack.enter_context(ThreadPoolExecutor(threads)).map
-    return [Ahead(part.tables, read) for part in parts], map
+    return pieces, map

@@ -28,7 +28,6 @@ from ._predict import (
 )
 from ._result import doubt_of_means as doubt_of_means
 from ._stream import (
-    Ahead as Ahead,
     Apply as Apply,
     Grouping as Grouping,
     Part as Part,

@@ -8,8 +8,7 @@ import dataclasses
 import functools
 import itertools
 import operator
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property
 from typing import Any, final
 
@@ -45,27 +44,6 @@ Apply = Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]]
 
 Grouping = Callable[[Samples], Int[np.ndarray, " t"]]
 """Tells the group of each reading: what is left out together."""
-
-
-@dataclasses.dataclass(frozen=True)
-class Ahead:
-    """Readings of a part, of which a thread reads the next piece; a `Part`.
-
-    Attributes:
-        read: Reads the pieces one after the other, in the thread.
-        make: Makes readings of a piece; not in the thread, whose memory outlives it.
-    """
-
-    read: Callable[[], Iterable[Any]]
-    make: Callable[[Any], Samples]
-
-    def __call__(self) -> Iterator[Samples]:
-        pieces = iter(self.read())
-        with ThreadPoolExecutor(1) as thread:
-            later = thread.submit(next, pieces, None)
-            while (piece := later.result()) is not None:
-                later = thread.submit(next, pieces, None)
-                yield self.make(piece)
 
 
 @dataclasses.dataclass(frozen=True)

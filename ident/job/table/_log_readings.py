@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ....data.measurements import ColumnSpec, LargeFile, Table, TablePart, own_roles
-from ...fit import Ahead, Samples
+from ...fit import Part, Samples
 from ...readings import (
     Rows,
     Tables,
@@ -109,10 +109,10 @@ class LogReadings:
         return len(self.sources) > 1 or any("run" in log.roles for log in self.sources)
 
     @cached_property
-    def parts(self) -> list[Ahead]:
+    def parts(self) -> list[Part]:
         """The readings, for a `Stream` on this machine."""
         return [
-            Ahead(part.tables, partial(self._samples, k))
+            partial(self._pieces, k, part)
             for k, source in enumerate(self.sources)
             for part in self._parts_of(source)
         ]
@@ -134,6 +134,10 @@ class LogReadings:
 
     def _parts_of(self, source: LogSource) -> list[TablePart]:
         return source.file.parts(source.headers, _PARTS, _ROWS)
+
+    def _pieces(self, number: int, part: TablePart) -> Iterator[Samples]:
+        """Return the readings of a part of a log, piece by piece."""
+        return (self._samples(number, table) for table in part.tables())
 
     def _samples(self, number: int, table: Table) -> Samples:
         """Return the readings of a piece."""
