@@ -3,7 +3,7 @@
 It knows no file and no compensation by name. The route of one table (a leadscrew, say):
 
 1. `TableEffect.design` asks the controller's model for the stencil of every reading;
-2. `estimate` makes passes over the readings in turn with the search for the weights:
+2. `Passes` makes passes over the readings in turn with the search for the weights:
 3. `memory` is the pass (a stream has one over its pieces); it calls
 4. `sums_of`: residuals about the estimate, their influence, and what adds up (`_kernel` is
    the same for many readings);
@@ -65,8 +65,7 @@ from ._regression import (
 )
 from ._robust import (
     Estimate as Estimate,
-    Pass as Pass,
-    estimate as estimate,
+    Passes as Passes,
     memory as memory,
 )
 from ._stack import Stack as Stack

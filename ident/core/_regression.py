@@ -1,7 +1,7 @@
 """Robust regression on few columns.
 
 For curves (thermal line, backlash, acceleration events): a stack of a few columns without a
-prior, fitted by `estimate`. The singular values of the design decide what the readings
+prior, fitted by `Passes`. The singular values of the design decide what the readings
 determine, and the covariance is that of the estimate under residuals that drift (`_drift`).
 """
 
@@ -15,7 +15,7 @@ from ._effect import ColumnsEffect
 from ._errors import FitError
 from ._prior import NoPrior
 from ._readings import Readings
-from ._robust import Estimate, estimate, memory
+from ._robust import Estimate, Passes, memory
 from ._stack import Stack
 
 _RIDGE = 1e-9
@@ -161,13 +161,11 @@ def estimate_columns(
     floor: float,
     start: Float[np.ndarray, " k"] | None = None,
 ) -> Estimate:
-    """Return the fit of columns without a prior; arguments as of `regress` and `estimate`."""
+    """Return the fit of columns without a prior; arguments as of `regress` and `Passes`."""
     size = columns.shape[1]
     stack = Stack((ColumnsEffect(NoPrior(size), size, _RIDGE),), banded=False)
     over, none = memory(stack, Readings(target, {}), columns), np.zeros(0)
-    return estimate(
-        stack, over, loss=loss, weights=lambda _: none, floor=floor, start=start
-    )
+    return Passes(stack, over, loss, lambda _: none, floor).run(start)
 
 
 def _spectrum(

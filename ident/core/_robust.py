@@ -177,67 +177,56 @@ def memory(stack: Stack, readings: Readings, columns: Matrix | None = None) -> P
     return over
 
 
-def estimate(
-    stack: Stack,
-    over: Pass,
-    *,
-    loss: str,
-    weights: Callable[[Problem], Vector] | None = None,
-    floor: float = 1e-12,
-    start: Vector | None = None,
-    pins: Vector | None = None,
-    near: Estimate | None = None,
-    rough: bool = False,
-) -> Estimate:
-    """Fit a stack: passes over the readings in turn with the search for the weights.
+@final
+@dataclasses.dataclass(frozen=True, eq=False)
+class Passes:
+    """The fit of a stack: passes over the readings in turn with the search for the weights.
 
-    Args:
+    Attributes:
         stack: Effects.
         over: Pass over the readings.
         loss: ``"student"``, ``"huber"``, ``"trim"`` or ``"gauss"``; stated weights that leave too
             few readings beside the unknowns to tell wild ones make it least squares.
         weights: Weights of the prior for a problem; None: by evidence.
         floor: Smallest scale of residuals to believe in, in mm or °.
-        start: Unknowns to begin with, as a constant; None: zero.
         pins: Precision by which unknowns are held that nothing else determines.
-        near: A fit of nearly the same readings, where this one begins.
         rough: Whether to end at the first search for the evidence: a fit on the way to another.
-
-    Raises:
-        FitError: If the readings do not determine the unknowns or the loss is unknown.
     """
-    if loss not in LOSSES:
-        choose_loss(loss, np.ones(1), 1.0, 1.0)
-    return _Passes(stack, over, loss, weights, floor, pins, rough).run(start, near)
 
-
-@final
-@dataclasses.dataclass(frozen=True, eq=False)
-class _Passes:
     stack: Stack
     over: Pass
     loss: str
-    fixed: Callable[[Problem], Vector] | None
-    floor: float
-    pins: Vector | None
-    rough: bool
+    weights: Callable[[Problem], Vector] | None = None
+    floor: float = 1e-12
+    pins: Vector | None = None
+    rough: bool = False
 
-    def run(self, start: Vector | None, near: Estimate | None) -> Estimate:
-        """Alternate passes and searches until neither moves the values."""
+    def run(
+        self, start: Vector | None = None, near: Estimate | None = None
+    ) -> Estimate:
+        """Alternate passes and searches until neither moves the values.
+
+        Begins at constant unknowns, or zero, or at a fit of nearly the same readings.
+
+        Raises:
+            FitError: If the readings do not determine the unknowns or the loss is unknown.
+        """
+        if self.loss not in LOSSES:
+            choose_loss(self.loss, np.ones(1), 1.0, 1.0)
         if near is not None and near.loss != Loss():
             matrix = self.over(near.values, near.loss, None)
             problem = self._problem(matrix, near.values)
             post = near.posterior
-            weights = post.weights if self.fixed is None else self.fixed(problem)
+            weights = post.weights if self.weights is None else self.weights(problem)
             post = self._solved(problem, weights)
             return self._robust(post, float(matrix.tally[0]), searches=1)
         theta = np.zeros(self.stack.size) if start is None else start
         matrix = self.over(theta, Loss(), None)
         crowded = self.stack.size > _CROWDED * float(matrix.tally[0])
-        if self.loss == "gauss" or (self.fixed is not None and crowded):
+        if self.loss == "gauss" or (self.weights is not None and crowded):
             post = self._least_squares(matrix, theta)
             if self.loss == "gauss" or post.used > _CROWDED * post.problem.count:
-                return Estimate(post, Loss(), theta, True, self.fixed is not None)
+                return Estimate(post, Loss(), theta, True, self.weights is not None)
         # Far from the table every residual is large: believe all, the hopeless ones less.
         size, count = matrix.sizes
         scale = choose_loss("gauss", size, 1.0, self.floor, count).scale
@@ -249,7 +238,7 @@ class _Passes:
             first = None  # a run so far off that none of its readings is believed
         if first is not None:
             few = total - float(first.posterior.problem.count) <= _UNLIKELY * total
-            if self.fixed is not None or self.rough or (first.converged and few):
+            if self.weights is not None or self.rough or (first.converged and few):
                 return first
         # A first table too smooth takes a bend for wild readings: least squares bends.
         try:
@@ -267,9 +256,9 @@ class _Passes:
         problem = self._problem(matrix, theta)
         # About the values themselves the sums keep all their digits.
         problem = self._solved(problem, self._light(problem)).about()
-        if self.fixed is None:
+        if self.weights is None:
             return self._chosen(problem, None)
-        return self._solved(problem, self.fixed(problem))
+        return self._solved(problem, self.weights(problem))
 
     def _problem(self, sums: Sums, theta: Vector, gain: float = 1.0) -> Problem:
         return Problem.of(sums, theta, gain, self.pins)
@@ -289,7 +278,7 @@ class _Passes:
             if number >= _FROZEN:
                 freedoms = (loss.freedom,)
             # With the same readings at work the matrix and its factor stay as they are.
-            final = self.fixed is not None or (searches > 0 and not self.rough)
+            final = self.weights is not None or (searches > 0 and not self.rough)
             tolerance = _ENDED if final else _NEAR if searches else _FIRST
             sums = self.over(about, loss, matrix)
             changed = abs(float(sums.tally[0]) - active) / max(active, 1.0)
@@ -300,14 +289,14 @@ class _Passes:
             factor = None if full else post.factor
             gain = max(float(sums.tally[1] / max(sums.tally[0], 1.0)), 0.1)
             problem = self._problem(sums, about, gain)
-            weights = post.weights if self.fixed is None else self.fixed(problem)
+            weights = post.weights if self.weights is None else self.weights(problem)
             post = self._solved(problem, weights, factor)
             trail = [*trail[-1:], (about, post.values - about)]
             step = self._step(post)
             moved = self._moved(sums, post.values - about)
             converged = moved <= tolerance * step
             limit = 1 if self.rough else _SEARCHES
-            if converged and self.fixed is None and searches < limit:
+            if converged and self.weights is None and searches < limit:
                 before = post.values
                 post = self._chosen(problem, post if searches else None)
                 searches += 1
@@ -317,7 +306,7 @@ class _Passes:
                 break
             if not trail or (full and self.stack.size < _DEAR):
                 inflation = self._inflation(post)
-        return Estimate(post, loss, about, converged, self.fixed is not None)
+        return Estimate(post, loss, about, converged, self.weights is not None)
 
     def _moved(self, sums: Sums, change: Vector) -> float:
         """Return by how much predictions of the readings change, root mean square."""
@@ -337,8 +326,8 @@ class _Passes:
         return float(np.sqrt(count / max(count - used, 0.05 * count)))
 
     def _light(self, problem: Problem) -> Vector:
-        if self.fixed is not None:
-            return self.fixed(problem)
+        if self.weights is not None:
+            return self.weights(problem)
         plenty = problem.count >= _PLENTY * self.stack.size
         second = problem.density * (1e-2 if plenty else 1.0)
         return np.where(problem.stack.optional, 0.0, second)

@@ -6,13 +6,12 @@ that begins at their medians is tried as well, and the likelihood decides.
 """
 
 import dataclasses
-from collections.abc import Callable
 
 import numpy as np
 import scipy.ndimage
 from jaxtyping import Bool, Float, Int, Shaped
 
-from ..core import Estimate, Readings, Stack, TableEffect
+from ..core import Estimate, Passes, Readings, Stack, TableEffect
 from ._result import nearest_nodes
 
 _LIGHT = 1e-6
@@ -78,17 +77,12 @@ def lost(
     return np.asarray(table.to_values(result))
 
 
-def reconsidered(
-    stack: Stack,
-    readings: Readings,
-    estimate: Estimate,
-    refit: Callable[..., Estimate],
-) -> Estimate:
+def reconsidered(passes: Passes, readings: Readings, estimate: Estimate) -> Estimate:
     """Return the estimate, or one that believes readings which agree with each other.
 
-    Worth its time where nodes of the table, the first effect, are `crowded`. Another estimate
-    is where ``refit`` begins.
+    Worth its time where nodes of the table, the first effect, are `crowded`.
     """
+    stack = passes.stack
     size, design = stack.effects[0].size, stack.matrix(readings)
     node, run = nearest_nodes(stack, readings), readings.inputs.get("run")
     count = np.bincount(node, minlength=size)
@@ -97,7 +91,7 @@ def reconsidered(
     light = post.weights if estimate.stated else _LIGHT * post.problem.density
     light = np.where(post.weights > 0.0, light, 0.0)
     rough = dataclasses.replace(post, weights=light)
-    rival = refit(near=dataclasses.replace(near, posterior=rough))
+    rival = passes.run(near=dataclasses.replace(near, posterior=rough))
 
     def judged(candidate: Estimate) -> tuple[np.ndarray, ...]:
         """Return residuals, nodes that lost most of theirs, what is wild, and about these nodes."""

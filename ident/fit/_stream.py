@@ -18,9 +18,9 @@ from jaxtyping import Float, Int
 from ..core import (
     FitError,
     Loss,
+    Passes,
     Stack,
     Sums,
-    estimate,
     least_scale,
     leave_one_out,
     one_blas_thread,
@@ -133,14 +133,8 @@ def fit_streamed(
                 firsts.append(sums)
             return sums.total if former is None else sums.total.with_matrix(former)
 
-        fitted = estimate(
-            stack,
-            over,
-            loss=loss,
-            weights=weights,
-            floor=least_scale(first),
-            start=np.full(stack.size, level_of(first)),
-        )
+        start = np.full(stack.size, level_of(first))
+        fitted = Passes(stack, over, loss, weights, least_scale(first)).run(start)
         last = firsts[0]
         count = int(last.extent.counts.sum())
         nodes, crowds = None, 0

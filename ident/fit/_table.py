@@ -1,7 +1,6 @@
 """The fit of one table: readings in, node values with uncertainty and support out."""
 
 import dataclasses
-import functools
 from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import Literal, final
@@ -15,9 +14,9 @@ from ..core import (
     FitError,
     GroupEffect,
     Loss,
+    Passes,
     Problem,
     Stack,
-    estimate,
     least_scale,
     memory,
     one_blas_thread,
@@ -238,16 +237,14 @@ class _InMemory:
         over, weights = memory(stack, readings), fixed_weights(self.smoothness)
         # A reading that is off by a step of the instrument is none that is wild.
         floor = max(least_scale(error), self.steps.size)
-        fit_near = functools.partial(
-            estimate, stack, over, loss=loss, weights=weights, floor=floor, start=start
-        )
-        fitted = fit_near()
+        passes = Passes(stack, over, loss, weights, floor)
+        fitted = passes.run(start)
         if loss == "huber" and not fitted.converged:
             # Readings of a node that contradict all others pull evenly from any distance.
-            fitted = fit_near(near=at_medians(stack, readings, fitted))
+            fitted = passes.run(near=at_medians(stack, readings, fitted))
         judged = Judged.of(stack, readings, fitted.about, fitted.loss)
         if loss == "student" and crowded(judged.nodes).any():
-            fitted = reconsidered(stack, readings, fitted, fit_near)
+            fitted = reconsidered(passes, readings, fitted)
             judged = Judged.of(stack, readings, fitted.about, fitted.loss)
         fit = result_of(
             self.layout,

@@ -15,8 +15,8 @@ from ..core import (
     DriftNoise,
     Estimate,
     FitError,
+    Passes,
     Stack,
-    estimate,
     least_scale,
     memory,
     one_blas_thread,
@@ -323,11 +323,7 @@ def fit_volumetric(
                 "numbers rest on them alone"
             )
             raise FitError(msg)
-        found = estimate(
-            stack,
-            memory(stack, readings),
-            loss=loss,
-            floor=least_scale(readings.value),
-            pins=freedoms.pins,
-        )
+        floor = least_scale(readings.value)
+        over, pins = memory(stack, readings), freedoms.pins
+        found = Passes(stack, over, loss, floor=floor, pins=pins).run()
     return VolumetricFit(effect, points, blocks, left_out, stack, freedoms, found)

@@ -13,10 +13,10 @@ from ..._recording import JointData
 from ...core import (
     Estimate,
     FitError,
+    Passes,
     Posterior,
     Readings,
     Spread,
-    estimate,
     least_scale,
     memory,
     one_blas_thread,
@@ -310,14 +310,10 @@ def _estimated(
         raise FitError(msg)
     start = np.zeros(design.size)
     start[design.datum] = float(np.median(error))
-    return estimate(
-        design.stack,
-        memory(design.stack, Readings(error, {}), design.columns),
-        loss=loss,
-        weights=weights,
-        floor=max(least_scale(error), design.steps.size),
-        start=start,
-        pins=pins if pins.any() else None,
-        near=near,
-        rough=rough,
+    over = memory(design.stack, Readings(error, {}), design.columns)
+    floor, held = (
+        max(least_scale(error), design.steps.size),
+        pins if pins.any() else None,
     )
+    passes = Passes(design.stack, over, loss, weights, floor, held, rough)
+    return passes.run(start, near)
