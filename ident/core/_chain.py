@@ -50,9 +50,7 @@ class Chain:
     @property
     def free(self) -> int:
         """Dimension of what the differences leave free."""
-        if self.size < 3:
-            return self.size
-        return 1 if self.ring else 2
+        return int(self.straight.shape[1])
 
     @cached_property
     def _differences(self) -> tuple[sp.csr_array, sp.csr_array]:
@@ -154,7 +152,7 @@ class Chain:
         value = constant + np.log(precision).sum()
         return float(value + np.log((share / precision).sum()) if len(share) else value)
 
-    @property
+    @cached_property
     def straight(self) -> Float[np.ndarray, "n z"]:
         """What the differences leave free: a constant and a line."""
         if self.size < 3:

@@ -217,12 +217,10 @@ class ColumnsEffect(AbstractEffect):
 
     Attributes:
         given: Prior of the unknowns.
-        count: Their number.
         ridge: See `AbstractEffect`.
     """
 
     given: AbstractPrior
-    count: int
     ridge: float = 0.0
 
     @property
@@ -231,7 +229,7 @@ class ColumnsEffect(AbstractEffect):
 
     @property
     def size(self) -> int:
-        return self.count
+        return len(self.given.straight)
 
     def design(self, readings: Readings) -> Design:
         """See `AbstractEffect`; never called where the design is given."""

@@ -113,7 +113,7 @@ def _loosened(problem: Problem, best: Posterior) -> Posterior:
     lowest = cost(best.residual_square, fewest) - _CONTRADICTED
     groups = []
     for prior, _, terms in problem.stack.priors if np.isfinite(lowest) else ():
-        if prior.scanned:
+        if prior.optional.any():
             # All axes of a table at once, then each by itself.
             axes = [slice(k, k + 2) for k in range(terms.start, terms.stop, 2)]
             groups += [terms, *axes] if len(axes) > 1 else [terms]
@@ -183,11 +183,11 @@ def _can_be_thinned(problem: Problem) -> bool:
 
 def _scanned(problem: Problem) -> Posterior | None:
     """Return the best of a few posteriors without fourth differences."""
-    scanned = np.concatenate(
-        [[prior.scanned] * len(prior.rows) for prior, _, _ in problem.stack.priors]
-    ).astype(bool)
+    tables = np.zeros(len(problem.density), bool)
+    for prior, _, terms in problem.stack.priors:
+        tables[terms] = prior.optional.any()
     second = np.where(problem.stack.optional, 0.0, problem.density)
-    trials = [np.where(scanned, scale, 1.0) * second for scale in _SCALES]
+    trials = [np.where(tables, scale, 1.0) * second for scale in _SCALES]
     return _best_of(problem, trials)
 
 

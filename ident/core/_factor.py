@@ -85,13 +85,10 @@ class ArrowFactor:
     def solve(self, right: Float[np.ndarray, "n *k"]) -> Float[np.ndarray, "n *k"]:
         """Return the solution for one or several right-hand sides."""
         n = len(self.band)
-        if not n:
-            return np.asarray(dpotrs(self.schur, right, lower=1)[0])
         top = _half_solved(self.band, right[:n])
-        if not len(self.schur):
-            return _half_solved(self.band, top, back=True)
-        load = right[n:] - self.cross.T @ top
-        base = np.asarray(dpotrs(self.schur, load, lower=1)[0]).reshape(load.shape)
+        base = right[n:] - self.cross.T @ top
+        if base.size:
+            base = np.asarray(dpotrs(self.schur, base, lower=1)[0]).reshape(base.shape)
         top = _half_solved(self.band, top - self.cross @ base, back=True)
         return np.concatenate([top, base])
 

@@ -66,11 +66,6 @@ class AbstractPrior(abc.ABC):
         return np.zeros(len(self.rows), bool)
 
     @property
-    def scanned(self) -> bool:
-        """Whether the scale of the weights is looked for over many orders of magnitude."""
-        return False
-
-    @property
     def names(self) -> tuple[str, ...]:
         """Names of the weights as results carry them."""
         return tuple(f"term {k + 1}" for k in range(len(self.rows)))
@@ -167,10 +162,6 @@ class Smooth(AbstractPrior):
     def bounds(self) -> Float[np.ndarray, "k 2"]:
         axes = [self.slow] if self.fast is None else [self.slow, self.fast]
         return np.concatenate([axis.bounds for axis in axes])
-
-    @property
-    def scanned(self) -> bool:
-        return True
 
     @property
     def optional(self) -> Bool[np.ndarray, " k"]:

@@ -163,7 +163,7 @@ def estimate_columns(
 ) -> Estimate:
     """Return the fit of columns without a prior; arguments as of `regress` and `Passes`."""
     size = columns.shape[1]
-    stack = Stack((ColumnsEffect(NoPrior(size), size, _RIDGE),), banded=False)
+    stack = Stack((ColumnsEffect(NoPrior(size), _RIDGE),), banded=False)
     over, none = memory(stack, Readings(target, {}), columns), np.zeros(0)
     return Passes(stack, over, loss, lambda _: none, floor).run(start)
 

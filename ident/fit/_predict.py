@@ -3,15 +3,12 @@
 import dataclasses
 from collections.abc import Iterator
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int
 
 from ..core import (
     FitError,
     GroupEffect,
-    axis_nodes,
-    filled,
     leave_one_out,
     one_blas_thread,
     sums_by_group,
@@ -161,11 +158,10 @@ def spatial_blocks(
     """
     blocks, size = np.zeros(len(samples.error), np.int64), 1
     for column, line in enumerate(layout.nodes):
-        nodes, cells = axis_nodes(line), max(len(line) - 1, 1)
-        place = filled(np.asarray(samples.positions[:, column], float), 64)
-        cell = np.asarray(nodes.locate(jnp.asarray(place))[0])[: len(blocks)]
+        cells = max(len(line) - 1, 1)
+        cell = np.searchsorted(line[1:-1], samples.positions[:, column], side="right")
         per_axis = min(cells, 4 * count)
-        blocks = blocks * per_axis + cell.astype(np.int64) * per_axis // cells
+        blocks = blocks * per_axis + cell * per_axis // cells
         size *= per_axis
     if size == 1:  # nothing is around a single cell: one reading in so many
         return np.arange(len(blocks)) % count

@@ -192,10 +192,9 @@ class Design:
     @cached_property
     def stack(self) -> Stack:
         """The components as a stack."""
-        sizes = [len(component.places) for component in self.components]
         effects = [
-            component.table or ColumnsEffect(component.prior or NoPrior(size), size)
-            for component, size in zip(self.components, sizes, strict=True)
+            part.table or ColumnsEffect(part.prior or NoPrior(len(part.places)))
+            for part in self.components
         ]
         return Stack(tuple(effects), self.components[0].table is not None)
 
