@@ -260,10 +260,10 @@ import numpy as np
 import pyarrow.parquet as pq
 from axcomp.data.measurements import open_large
 from axcomp.ident.batch import fit_log
-from axcomp.ident.fit import TableLayout
+from axcomp.ident.fit import TableEffect
 
 nodes = np.linspace(0.0, 1000.0, 101)
-layout = TableLayout((nodes, nodes))
+layout = TableEffect((nodes, nodes))
 small, path = map(pathlib.Path, sys.argv[1:])
 fit_log(small, layout, ("x", "y"), "e")  # compile outside the clock
 start = time.perf_counter()

@@ -14,7 +14,7 @@ from pytest_benchmark.fixture import BenchmarkFixture
 from scipy.ndimage import gaussian_filter
 from scipy.optimize import minimize_scalar
 
-from axcomp.ident.fit import Samples, TableFit, TableLayout, fit_table, fit_values
+from axcomp.ident.fit import Samples, TableEffect, TableFit, fit_table, fit_values
 
 COUNT = 1_000_000
 INTERVAL = 10.0  # mm
@@ -28,7 +28,7 @@ SIZES = ((101, 101), (1001, 21))
 class Case(NamedTuple):
     """A true table in mm, readings of it, and which of them are wild."""
 
-    layout: TableLayout
+    layout: TableEffect
     truth: np.ndarray
     samples: Samples
     wild: np.ndarray
@@ -79,7 +79,7 @@ def make(name: str, long: int, short: int, *, hole: bool = False) -> Case:
     error = (1 - v) * low + v * high + rng.normal(0.0, NOISE, len(positions))
     wild = rng.random(len(positions)) < WILD_SHARE
     error[wild] += rng.choice([-WILD, WILD], wild.sum())
-    layout = TableLayout((INTERVAL * np.arange(long), INTERVAL * np.arange(short)))
+    layout = TableEffect((INTERVAL * np.arange(long), INTERVAL * np.arange(short)))
     return Case(layout, truth, Samples(positions, error), wild)
 
 

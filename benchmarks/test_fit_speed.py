@@ -16,7 +16,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spl
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from axcomp.ident.fit import Samples, TableFit, TableLayout, fit_table, fit_values
+from axcomp.ident.fit import Samples, TableEffect, TableFit, fit_table, fit_values
 
 COUNT = 1_000_000
 NODES = 101
@@ -24,7 +24,7 @@ INTERVAL = 10.0  # mm
 NOISE = 0.002  # mm
 SMOOTHNESS = 5.0
 ROUNDS = 3
-LAYOUT = TableLayout((INTERVAL * np.arange(NODES), INTERVAL * np.arange(NODES)))
+LAYOUT = TableEffect((INTERVAL * np.arange(NODES), INTERVAL * np.arange(NODES)))
 
 TIMES_FASTER = 10.0
 """How much faster than SciPy a fit at fixed smoothness has to be."""

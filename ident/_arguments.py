@@ -186,7 +186,7 @@ def check_reach(
         FitError: If none does.
     """
     for one in stack:
-        if one.table_effect is None or one.table_effect.ring:
+        if one.table_effect is None or one.table_effect.periodic:
             continue
         for (channel, name), (low, high) in one.ranges.items():
             places = given[f"{name}.{channel}"]
@@ -225,7 +225,7 @@ def check_words(part: Part, words: Sequence[Constraint]) -> None:
         FitError: If it is none, or goes round.
     """
     table, known = part.effect.table_effect, get_args(Constraint)
-    one_way = table is not None and not (table.ring and known[0] in words)
+    one_way = table is not None and not (table.periodic and known[0] in words)
     if not one_way or not set(words) <= {*known}:
         msg = (
             f"constraints of {part.name}: found {', '.join(words)}, expected a function, or"

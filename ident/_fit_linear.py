@@ -211,7 +211,7 @@ class _Structure(eqx.Module):
             (number, starts[_first_array(path, table)], _effect(table))
             for number, (path, table) in enumerate(_tables(model))
         ]
-        large = [one for _, _, one in tables if not one.ring and one.size > _MANY]
+        large = [one for _, _, one in tables if not one.periodic and one.size > _MANY]
         widest = max(large, key=lambda one: one.size, default=None)
         unknown, penalties, size = np.full(sum(form.sizes), -1), list[_Penalty](), 0
         for number, start, own in sorted(tables, key=lambda one: one[2] is not widest):
@@ -383,8 +383,8 @@ def _effect(table: Any) -> TableEffect:
     with jax.ensure_compile_time_eval():  # constants under jit, too
         nodes = tuple(np.asarray(each.positions) for each in ways)
     ring = isinstance(ways[0], ModuloNodes)
-    way = None
+    branches = 1
     if isinstance(table, Leadscrew):
         ring = table.modulo is not None and table.modulo is not False
-        way = None if table.neg is None else "way"
-    return TableEffect(nodes, ("1", "2")[: len(nodes)], way, ring)
+        branches = 1 if table.neg is None else 2
+    return TableEffect(nodes, branches, ring)

@@ -20,8 +20,8 @@ from ..fit import (
     Apply,
     Part,
     Samples,
+    TableEffect,
     TableFit,
-    TableLayout,
     cores,
     fit_streamed,
 )
@@ -37,7 +37,7 @@ _APIECE = 4
 
 def fit_log(
     path: str | Path,
-    layout: TableLayout,
+    layout: TableEffect,
     positions: Sequence[str],
     error: str,
     *,

@@ -19,6 +19,7 @@ from ...models import (
     Setpoints,
 )
 from ._chain import chain
+from ._errors import FitError
 from ._prior import AbstractPrior, NoPrior, Smooth
 from ._readings import Readings, filled
 
@@ -99,16 +100,33 @@ class TableEffect(AbstractEffect):
     longer axis of a plane is the slow one, a ring is folded, branches follow each other.
 
     Attributes:
-        nodes: Node positions per axis, master 1 first; the end of a ring repeated.
-        inputs: Name of the input along each axis.
-        way: Name of the direction of motion for a table with two branches, else None.
-        ring: The last node is the first one again.
+        nodes: Ascending node positions per axis in mm or °, master 1 of a plane first.
+        branches: 1, or 2 for a bilateral table: motion in positive, then in negative direction.
+        periodic: The last node is the first one again (modulo axis, one axis only).
+        inputs: Name of the input along each axis: ``position 1``, ``position 2`` if left out.
     """
 
     nodes: tuple[Float[np.ndarray, " _n"], ...]
-    inputs: tuple[str, ...]
-    way: str | None = None
-    ring: bool = False
+    branches: int = 1
+    periodic: bool = False
+    inputs: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        names = tuple(f"position {k + 1}" for k in range(len(self.nodes)))
+        object.__setattr__(self, "inputs", self.inputs or names)
+
+    def check(self) -> None:
+        """Refuse nodes that do not ascend."""
+        for axis, nodes in enumerate(self.nodes):
+            if len(nodes) > 1 and not (nodes[1:] > nodes[:-1]).all():
+                msg = f"nodes along axis {axis + 1} must ascend."
+                raise FitError(msg)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Shape of the values: ``(n,)``, ``(2, n)`` or ``(n2, n1)``; a periodic end is repeated."""
+        counts = tuple(len(nodes) for nodes in reversed(self.nodes))
+        return counts if self.branches == 1 else (self.branches, *counts)
 
     @cached_property
     def model(self) -> Plane | Leadscrew:
@@ -118,13 +136,8 @@ class TableEffect(AbstractEffect):
             first, second = axes
             return Plane(first, second, jnp.zeros((second.count, first.count)))
         empty = jnp.zeros(axes[0].count)
-        neg = None if self.way is None else empty
-        return Leadscrew(axes[0], empty, neg, self.ring or None)
-
-    @property
-    def branches(self) -> int:
-        """Tables side by side, one per direction of motion."""
-        return 1 if self.way is None else 2
+        neg = None if self.branches == 1 else empty
+        return Leadscrew(axes[0], empty, neg, self.periodic or None)
 
     @cached_property
     def offsets(self) -> tuple[int, ...]:
@@ -132,7 +145,7 @@ class TableEffect(AbstractEffect):
         if len(self.nodes) == 2:
             fast = min(len(nodes) for nodes in self.nodes)
             return tuple(sorted({0, 1, fast - 1, fast, fast + 1}))
-        return (0, 1, 2) if self.ring else (0, 1)
+        return (0, 1, 2) if self.periodic else (0, 1)
 
     @property
     def size(self) -> int:
@@ -147,9 +160,9 @@ class TableEffect(AbstractEffect):
             if first <= second:
                 return grid
             return np.ascontiguousarray(grid.reshape(first, second).T).reshape(-1)
-        count = len(self.nodes[0]) - int(self.ring)
+        count = len(self.nodes[0]) - int(self.periodic)
         index = np.arange(count)
-        if self.ring:
+        if self.periodic:
             # Both neighbours of a node stand at most two places from it.
             folded = np.where(2 * index < count, 2 * index, 2 * (count - index) - 1)
             index = np.append(folded, folded[0])
@@ -159,7 +172,7 @@ class TableEffect(AbstractEffect):
     def unknowns(self) -> Int[np.ndarray, " n"]:
         """Unknown of each value in the order of the list, the end of a ring left out."""
         places = self.place.reshape(self.branches, -1)
-        return places[:, :-1].reshape(-1) if self.ring else places.reshape(-1)
+        return places[:, :-1].reshape(-1) if self.periodic else places.reshape(-1)
 
     @cached_property
     def prior(self) -> Smooth:  # pyright: ignore[reportIncompatibleMethodOverride]
@@ -170,13 +183,13 @@ class TableEffect(AbstractEffect):
             if first.size <= second.size:
                 return Smooth(second, first, 1, order, (2, 1))
             return Smooth(first, second, 1, order, (1, 2))
-        axis = chain(self.nodes[0], self.ring)
+        axis = chain(self.nodes[0], self.periodic)
         order = self.place.reshape(self.branches, -1)[:, : axis.size].reshape(-1)
         return Smooth(axis, None, self.branches, order)
 
     def design(self, readings: Readings) -> Design:
         columns = [readings.inputs[name] for name in self.inputs]
-        direction = None if self.way is None else readings.inputs[self.way]
+        direction = None if self.branches == 1 else readings.inputs["direction"]
         nodes, shares = touched(self.model, np.stack(columns, axis=1), direction)
         return self.place[nodes], shares
 
@@ -187,11 +200,8 @@ class TableEffect(AbstractEffect):
         return result
 
     def to_table(self, values: np.ndarray) -> np.ndarray:
-        """Return unknowns as ``(n,)``, ``(2, n)`` or ``(n2, n1)``; the end of a ring repeated."""
-        shape = tuple(len(nodes) for nodes in reversed(self.nodes))
-        if self.branches == 2:
-            shape = (2, *shape)
-        return np.ascontiguousarray(values[self.place].reshape(shape))
+        """Return unknowns in the shape of the table."""
+        return np.ascontiguousarray(values[self.place].reshape(self.shape))
 
 
 def node_shares(
@@ -201,8 +211,8 @@ def node_shares(
 
     Those of all laws of `axcomp.models` over given points: linear between, the ends held.
     """
-    finite, table = np.isfinite(places), TableEffect((nodes,), ("place",))
-    inputs = {"place": np.where(finite, places, nodes[0])}
+    finite, table = np.isfinite(places), TableEffect((nodes,))
+    inputs = {"position 1": np.where(finite, places, nodes[0])}
     at, shares = table.design(Readings(places, inputs))
     result = np.zeros((len(places), len(nodes)))
     np.add.at(result, (np.arange(len(places))[:, None], at), shares)

@@ -3,6 +3,7 @@
 import abc
 import dataclasses
 from collections.abc import Mapping
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -11,7 +12,7 @@ from jaxtyping import Float, Int
 from ...data.lists import ListFile, Value
 from ...models import AbstractLookup, Conventions
 from ..core import touched
-from ..fit import TableLayout
+from ..fit import TableEffect
 from ..kinds import Kind
 from ._capacity import ANY_LIST, ListTarget
 from ._identity import Increments
@@ -105,10 +106,10 @@ class AbstractTable(abc.ABC):
         ends = self.nodes[0].positions
         return float(ends[0]), float(ends[-1])
 
-    @property
-    def layout(self) -> TableLayout:
+    @cached_property
+    def layout(self) -> TableEffect:
         """Nodes in mm or °, for the fit."""
-        return TableLayout(
+        return TableEffect(
             nodes=tuple(nodes.positions for nodes in self.nodes),
             branches=self.branches,
             periodic=self.periodic,

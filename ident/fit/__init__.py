@@ -9,6 +9,7 @@
 from ..core import (
     DriftNoise as DriftNoise,
     FitError as FitError,
+    TableEffect as TableEffect,
     cores as cores,
     one_blas_thread as one_blas_thread,
 )
@@ -43,5 +44,4 @@ from ._types import (
     RunEffect as RunEffect,
     Samples as Samples,
     TableFit as TableFit,
-    TableLayout as TableLayout,
 )

@@ -97,7 +97,7 @@ class Inequalities:
 
     def keep(self, fit: TableFit, samples: Samples) -> TableFit:
         """Return `most_probable` with the residuals of its samples; its folds keep them as well."""
-        best, table = self.most_probable(fit), fit.layout.effect
+        best, table = self.most_probable(fit), fit.layout
         nodes, shares = table.design(samples.readings)
         change = table.to_values(best.values - fit.values)[nodes] * shares
         residual = fit.residual - change.sum(axis=1)
@@ -113,7 +113,7 @@ class Inequalities:
             FitError: If nothing keeps them.
         """
         assert fit.estimate is not None  # a fit, not one of its folds made bare
-        post, table = fit.estimate.posterior, fit.layout.effect
+        post, table = fit.estimate.posterior, fit.layout
         values = table.to_values(fit.values)
         entries = self.start + self.sign * (fit.values - self.zero @ values)
         count, size = len(table.place), len(post.values)

@@ -101,7 +101,7 @@ def _noisier(fit: TableFit, place: Place, noise: float) -> TableFit:
     post = fit.estimate.posterior.problem.at(weights)
     if post is None:
         return fit
-    table = fit.layout.effect
+    table = fit.layout
     values = table.to_table(post.values[: table.size])
     deviation = noise * np.sqrt(post.inverse_diagonal[: table.size])
     return dataclasses.replace(
@@ -166,7 +166,7 @@ def _half_way(
     weight[place] = fractions
     before = np.square(fit.standard_deviation)
     gain = np.square(weight * fit.noise) - np.square(weight) * before
-    table = fit.layout.effect
+    table = fit.layout
     columns = fit.covariance.columns.copy()
     unknown = table.to_table(np.arange(table.size))
     for slot, step in enumerate(fit.covariance.offsets):

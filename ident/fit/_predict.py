@@ -9,12 +9,13 @@ from jaxtyping import Float, Int
 from ..core import (
     FitError,
     GroupEffect,
+    TableEffect,
     leave_one_out,
     one_blas_thread,
     sums_by_group,
 )
 from ._result import fold_of, residual_of, result_of
-from ._types import Samples, TableFit, TableLayout
+from ._types import Samples, TableFit
 
 
 def predict(
@@ -28,20 +29,20 @@ def predict(
 
     Args:
         fit: The table.
-        positions: In mm or °, columns in the order of `TableLayout.nodes`.
+        positions: In mm or °, columns in the order of `TableEffect.nodes`.
         branch: 0 (positive direction) or 1 per row; needed for a table with two directions.
 
     Raises:
         FitError: If a table with two directions is asked without any.
     """
     nodes, shares = _design(fit.layout, positions, branch)
-    values = fit.layout.effect.to_values(fit.values)
+    values = fit.layout.to_values(fit.values)
     mean = np.einsum("tk,tk->t", shares, values[nodes])
     return mean, np.sqrt(fit.covariance.variance(nodes, shares))
 
 
 def _design(
-    layout: TableLayout,
+    layout: TableEffect,
     positions: Float[np.ndarray, "t d"],
     branch: Int[np.ndarray, " t"] | None,
 ) -> tuple[Int[np.ndarray, "t k"], Float[np.ndarray, "t k"]]:
@@ -52,17 +53,17 @@ def _design(
         )
         raise FitError(msg)
     samples = Samples(positions, np.zeros(len(positions)), branch)
-    return layout.effect.design(samples.readings)
+    return layout.design(samples.readings)
 
 
 def mean_row(
-    layout: TableLayout,
+    layout: TableEffect,
     positions: Float[np.ndarray, "t d"],
     branch: Int[np.ndarray, " t"] | None = None,
 ) -> Float[np.ndarray, " n"]:
     """Return each unknown's share in the mean of a table; arguments and errors as for `predict`."""
     nodes, shares = _design(layout, positions, branch)
-    row = np.zeros(layout.effect.size)
+    row = np.zeros(layout.size)
     np.add.at(row, nodes, shares / len(positions))
     return row
 
@@ -73,7 +74,7 @@ def zeroed(fit: TableFit, row: Float[np.ndarray, " n"]) -> TableFit:
     The standard deviations of its values are those of the differences. The fit is one of all its
     readings.
     """
-    effect = fit.layout.effect
+    effect = fit.layout
     zero = float(row @ effect.to_values(fit.values))
     assert fit.estimate is not None  # only folds have none
     posterior = fit.estimate.posterior
@@ -149,7 +150,7 @@ def as_alike(fit: TableFit, samples: Samples, times: float) -> TableFit:
 
 
 def spatial_blocks(
-    layout: TableLayout, samples: Samples, count: int = 5
+    layout: TableEffect, samples: Samples, count: int = 5
 ) -> Int[np.ndarray, " t"]:
     """Return a group for each reading, so many in all: interleaved blocks of neighbouring cells.
 

@@ -18,9 +18,10 @@ from ..core import (
     Readings,
     Stack,
     Sums,
+    TableEffect,
     sums_of,
 )
-from ._types import RunEffect, Samples, TableFit, TableLayout
+from ._types import RunEffect, Samples, TableFit
 
 _NOTHING, _HOPELESS = 1e-12, 1e3
 """Scatter in mm or ° that is none; uncertainty of a node, in ranges of the readings, that no
@@ -92,7 +93,7 @@ def residual_of(
 
 
 def result_of(
-    layout: TableLayout,
+    layout: TableEffect,
     estimate: Estimate,
     loss: str,
     *,
@@ -115,7 +116,7 @@ def result_of(
     Raises:
         FitError: If the readings do not determine the table.
     """
-    post, table = estimate.posterior, layout.effect
+    post, table = estimate.posterior, layout
     unscaled = np.maximum(post.inverse_diagonal[: table.size], 1e-300)
     variances = estimate.spread(lambda post: (post.values, post.inverse_diagonal))
     deviation = np.sqrt(variances[: table.size])
@@ -245,7 +246,7 @@ def doubt_of_curves(
         samples: With their runs; without, nothing shows.
         node: Nearest unknown of the table to each reading.
     """
-    table = fit.layout.effect
+    table = fit.layout
     none = np.zeros(table.size)
     if samples.run is None:
         return none
@@ -297,7 +298,7 @@ def runs_apart(
     Returns:
         By how much the run of each reading lies off the others, else zero; variance of each node.
     """
-    table, good = fit.layout.effect, np.flatnonzero(~fit.wild)
+    table, good = fit.layout, np.flatnonzero(~fit.wild)
     size = table.size
     apart, none = np.zeros(len(node)), np.zeros(size)
     if samples.run is None or not good.size:

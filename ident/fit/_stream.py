@@ -21,6 +21,7 @@ from ..core import (
     Passes,
     Stack,
     Sums,
+    TableEffect,
     least_scale,
     leave_one_out,
     one_blas_thread,
@@ -34,7 +35,6 @@ from ._types import (
     Samples,
     Smoothness,
     TableFit,
-    TableLayout,
 )
 
 Part = Callable[[], Iterable[Samples]]
@@ -76,13 +76,13 @@ class StreamedFit:
 
     def judged(self, samples: Samples) -> Judged:
         """Return what the loss leaves of some readings."""
-        estimate, stack = self.fit.estimate, Stack((self.fit.layout.effect,))
+        estimate, stack = self.fit.estimate, Stack((self.fit.layout,))
         assert estimate is not None
         return Judged.of(stack, samples.readings, estimate.about, estimate.loss)
 
 
 def fit_streamed(
-    layout: TableLayout,
+    layout: TableEffect,
     parts: Sequence[Part],
     grouping: Grouping | None = None,
     *,
@@ -112,7 +112,7 @@ def fit_streamed(
     weights = fixed_weights(smoothness)
     pieces = (piece.error for part in parts for piece in part())
     first = next((error for error in pieces if len(error)), np.zeros(1))
-    stack, passes = Stack((layout.effect,)), itertools.count()
+    stack, passes = Stack((layout,)), itertools.count()
 
     def sum_up(work: _SumUp) -> _Summed:
         next(passes)
@@ -194,7 +194,7 @@ _NOTHING = _Summed({}, _NOWHERE, np.zeros((3, 1)))
 class _SumUp:
     """One pass: gives the sums of a part of the readings about an estimate, as it is asked for."""
 
-    layout: TableLayout
+    layout: TableEffect
     theta: Float[np.ndarray, " u"]
     loss: Loss
     full: bool
@@ -208,7 +208,7 @@ class _SumUp:
 
     def _of(self, samples: Samples) -> _Summed:
         extent = Extent.of(self.layout, samples) if self.extent else _NOWHERE
-        stack, split = Stack((self.layout.effect,)), {0: samples}
+        stack, split = Stack((self.layout,)), {0: samples}
         former = None if self.full else Sums.empty(stack)
         if self.grouping is not None:
             labels = self.grouping(samples)

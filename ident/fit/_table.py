@@ -17,6 +17,7 @@ from ..core import (
     Passes,
     Problem,
     Stack,
+    TableEffect,
     least_scale,
     memory,
     one_blas_thread,
@@ -42,7 +43,6 @@ from ._types import (
     Samples,
     Smoothness,
     TableFit,
-    TableLayout,
 )
 
 RunEffects = Literal["none", "offset", "drift"]
@@ -61,7 +61,7 @@ _LOUD = 3.0
 
 
 def fit_table(
-    layout: TableLayout,
+    layout: TableEffect,
     samples: Samples,
     *,
     smoothness: Smoothness = "auto",
@@ -119,7 +119,7 @@ def fit_table(
     curves = doubt_of_curves(fit, samples, node)
     if curves.any():
         fit = dataclasses.replace(fit, message=f"{fit.message} {ALIKE}")
-    shift = lost(layout.effect, node, fit.residual, fit.wild)
+    shift = lost(layout, node, fit.residual, fit.wild)
     if divided:
         # The table may have gone with either side.
         middle = np.abs(fit_to.steps.off_the_most(fit.residual)[1])
@@ -130,7 +130,7 @@ def fit_table(
 
 
 def fit_values(
-    layout: TableLayout, samples: Samples, *, smoothness: float
+    layout: TableEffect, samples: Samples, *, smoothness: float
 ) -> Float[np.ndarray, "..."]:
     """Return the node values that minimise the penalised squares, and nothing else.
 
@@ -140,7 +140,7 @@ def fit_values(
     Raises:
         FitError: If the readings do not determine the table.
     """
-    stack = Stack((layout.effect,))
+    stack = Stack((layout,))
     with one_blas_thread():
         zero = np.zeros(stack.size)
         problem = Problem.of(sums_of(stack, samples.readings, zero, Loss())[0], zero)
@@ -149,7 +149,7 @@ def fit_values(
         values = problem.values_at(weights(problem))
     if values is None:
         raise FitError(NOT_DETERMINED)
-    return layout.effect.to_table(values)
+    return layout.to_table(values)
 
 
 def level_of(error: Float[np.ndarray, " t"]) -> float:
@@ -188,7 +188,7 @@ def fixed_weights(
 class _InMemory:
     """A fit of readings in memory, by the arguments of `fit_table`; a call makes it by one loss."""
 
-    layout: TableLayout
+    layout: TableEffect
     samples: Samples
     smoothness: Smoothness
     run_effects: RunEffects
@@ -210,11 +210,11 @@ class _InMemory:
     @cached_property
     def nearest(self) -> Int[np.ndarray, " t"]:
         """Unknown of the table that each reading has the largest share in."""
-        return nearest_nodes(Stack((self.layout.effect,)), self.samples.readings)
+        return nearest_nodes(Stack((self.layout,)), self.samples.readings)
 
     def stack(self, far: Sequence[int]) -> Stack:
         """Return the table, and effects of the runs; some do not count in their mean."""
-        table, counted = self.layout.effect, ~np.isin(self.labels, far)
+        table, counted = self.layout, ~np.isin(self.labels, far)
         trend = "order" if self.run_effects == "drift" else None
         runs = (GroupEffect(counted, trend),) if len(counted) else ()
         return Stack((table, *runs), table.size > _DENSE)

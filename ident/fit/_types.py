@@ -21,46 +21,11 @@ Smoothness = float | str
 
 
 @dataclasses.dataclass(frozen=True)
-class TableLayout:
-    """Where the nodes of a table lie; a table is one array per branch over these nodes.
-
-    Attributes:
-        nodes: Ascending node positions per input axis in mm or °, master 1 of a plane first.
-        branches: 1, or 2 for a bilateral table (0 = motion in positive direction, 1 = negative).
-        periodic: The last node is the first one again (modulo axis, 1-D only).
-    """
-
-    nodes: tuple[Float[Array, " _n"], ...]
-    branches: int = 1
-    periodic: bool = False
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """Shape of the values: ``(n,)``, ``(2, n)`` or ``(n2, n1)``; a periodic end is repeated."""
-        counts = tuple(len(nodes) for nodes in reversed(self.nodes))
-        return counts if self.branches == 1 else (self.branches, *counts)
-
-    @cached_property
-    def effect(self) -> TableEffect:
-        """The table as an effect over ``position 1``, ``position 2`` and ``direction``."""
-        names = tuple(f"position {k + 1}" for k in range(len(self.nodes)))
-        way = "direction" if self.branches == 2 else None
-        return TableEffect(self.nodes, names, way, self.periodic)
-
-    def check(self) -> None:
-        """Refuse nodes that do not ascend."""
-        for axis, nodes in enumerate(self.nodes):
-            if len(nodes) > 1 and not (nodes[1:] > nodes[:-1]).all():
-                msg = f"nodes along axis {axis + 1} must ascend."
-                raise FitError(msg)
-
-
-@dataclasses.dataclass(frozen=True)
 class Samples:
     """What was measured, ready to fit: one row per reading, no NaN.
 
     Attributes:
-        positions: In mm or °, columns in the order of `TableLayout.nodes`.
+        positions: In mm or °, columns in the order of `TableEffect.nodes`.
         error: Actual − commanded in mm or °.
         branch: 0 or 1 per reading for a table with two branches, else None.
         run: Number of the repeated run of each reading; None where there are no runs.
@@ -75,7 +40,7 @@ class Samples:
 
     @cached_property
     def readings(self) -> Readings:
-        """The same as inputs of `TableLayout.effect`; runs by number from 0, places centred."""
+        """The same as inputs of `TableEffect.effect`; runs by number from 0, places centred."""
         inputs = {
             f"position {k + 1}": np.ascontiguousarray(column, float)
             for k, column in enumerate(self.positions.T)
@@ -129,7 +94,7 @@ class Extent:
     high: Float[Array, " d"]
 
     @classmethod
-    def of(cls, layout: TableLayout, samples: Samples) -> "Extent":
+    def of(cls, layout: TableEffect, samples: Samples) -> "Extent":
         """Return the extent of readings, after their check.
 
         Raises:
@@ -153,7 +118,7 @@ class Extent:
         low, high = np.minimum(self.low, other.low), np.maximum(self.high, other.high)
         return Extent(self.counts + other.counts, low, high)
 
-    def check(self, layout: TableLayout, free: int, allow_gaps: bool) -> None:
+    def check(self, layout: TableEffect, free: int, allow_gaps: bool) -> None:
         """Refuse readings that stand at one place or are too few.
 
         More than the free unknowns, which no prior holds, are needed; as many as nodes unless
@@ -166,7 +131,7 @@ class Extent:
                     f"{axis + 1}, expected positions spread over {len(nodes)} nodes."
                 )
                 raise FitError(msg)
-        needed = layout.effect.size // layout.branches
+        needed = layout.size // layout.branches
         ways = (" in positive direction", " in negative direction")
         where_of = ways if layout.branches == 2 else ("",)
         for where, count in zip(where_of, self.counts, strict=True):
@@ -198,7 +163,7 @@ class TableFit:
 
     Attributes:
         layout: Where the nodes lie.
-        values: Estimated error at each node in mm or °, shape `TableLayout.shape`.
+        values: Estimated error at each node in mm or °, shape `TableEffect.shape`.
         standard_deviation: Of each node value, same shape and unit.
         support: Readings that touch each node; 0 = not measured, the prior fills in.
         noise: Standard deviation of one reading in mm or °, wild readings left out; the
@@ -222,7 +187,7 @@ class TableFit:
         keeps: Makes a fold keep the inequalities that this one keeps; None without.
     """
 
-    layout: TableLayout
+    layout: TableEffect
     values: Float[Array, "..."]
     standard_deviation: Float[Array, "..."]
     support: Int[Array, "..."]
@@ -247,7 +212,7 @@ class TableFit:
 
     def doubted(self, variance: float | Float[Array, " n"]) -> "TableFit":
         """Return it with a further variance of every node, or each, by itself, in mm² or °²."""
-        effect, columns = self.layout.effect, self.covariance.columns.copy()
+        effect, columns = self.layout, self.covariance.columns.copy()
         more = np.broadcast_to(variance, effect.size)
         columns[: effect.size, 0] += more
         squares = np.square(self.standard_deviation) + effect.to_table(more)

@@ -9,7 +9,7 @@ import pytest
 
 from axcomp.data.measurements import iso230
 from axcomp.ident.core import CellCovariance
-from axcomp.ident.fit import RunEffect, TableFit, TableLayout
+from axcomp.ident.fit import RunEffect, TableEffect, TableFit
 from axcomp.ident.job import (
     ConventionState,
     ErrorFigures,
@@ -47,7 +47,7 @@ def _fit(
     compensation: str,
     axis: str,
     masters: tuple[str, ...],
-    layout: TableLayout,
+    layout: TableEffect,
     truth: np.ndarray,
     view: SampleView,
     support: np.ndarray,
@@ -145,7 +145,7 @@ def _view(
 def make_leadscrew(count: int = 41, runs: int = 5) -> TableResult:
     nodes = np.linspace(0.0, 800.0, count)
     up = 0.02 * np.sin(nodes / 130) + 5e-5 * nodes
-    layout = TableLayout((nodes,), branches=2)
+    layout = TableEffect((nodes,), branches=2)
     truth = np.stack([up, up - 0.006])
     run = np.repeat(np.arange(runs), 2 * count)
     direction = np.tile(np.repeat([1, -1], count), runs)
@@ -172,7 +172,7 @@ def make_cross(count: int = 33) -> TableResult:
     support = np.full(count, 4)
     view = _view(positions[:, None], error, None, np.repeat(np.arange(4), count))
     return _fit(
-        "cross", "Y", ("X",), TableLayout((nodes,)), truth, view, support, (), -1.0
+        "cross", "Y", ("X",), TableEffect((nodes,)), truth, view, support, (), -1.0
     )
 
 
@@ -199,7 +199,7 @@ def make_plane(
         for di in (0, 1):
             np.add.at(support, (j + dj, i + di), 1)
     truth = surface(*np.meshgrid(x, y))
-    layout = TableLayout((x, y))
+    layout = TableEffect((x, y))
     view = _view(positions, error, None, None)
     return _fit("plane", "Z", ("X", "Y"), layout, truth, view, support, (), -1.0)
 

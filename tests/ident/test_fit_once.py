@@ -9,7 +9,7 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from axcomp.data.measurements import read_table
-from axcomp.ident.fit import Samples, TableFit, TableLayout, fit_table, predict
+from axcomp.ident.fit import Samples, TableEffect, TableFit, fit_table, predict
 
 SHARED = Path(__file__).parents[3] / "shared" / "data" / "grids"
 NODES = np.linspace(0.0, 120.0, 13)
@@ -38,7 +38,7 @@ def rough_lines(seed: int) -> tuple[np.ndarray, TableFit]:
 
 
 def fit(z: np.ndarray) -> TableFit:
-    return fit_table(TableLayout((NODES, NODES)), grid_samples(NODES, NODES, z))
+    return fit_table(TableEffect((NODES, NODES)), grid_samples(NODES, NODES, z))
 
 
 def without_tilt_and_bow(x: np.ndarray, y: np.ndarray, d: np.ndarray) -> np.ndarray:
@@ -58,7 +58,7 @@ def mesh(name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, TableFit]:
     x, y = (np.unique(table.column(axis).values) for axis in "xy")
     order = np.lexsort((table.column("x").values, table.column("y").values))
     z = table.column("z").values[order].reshape(13, 13)
-    return x, y, z, fit_table(TableLayout((x, y)), grid_samples(x, y, z))
+    return x, y, z, fit_table(TableEffect((x, y)), grid_samples(x, y, z))
 
 
 @pytest.mark.slow
@@ -165,14 +165,14 @@ def test_readings_that_are_repeated_speak_for_themselves() -> None:
         np.concatenate([one.positions, two.positions]),
         np.concatenate([one.error, two.error]),
     )
-    found = fit_table(TableLayout((NODES, NODES)), both)
+    found = fit_table(TableEffect((NODES, NODES)), both)
     assert found.line_offset == 0.0
 
 
 def test_a_smoothness_that_the_user_sets_is_not_judged() -> None:
     z = probed(1, rough=0.03, line=0.005, noise=0.005)
     samples = grid_samples(NODES, NODES, z)
-    found = fit_table(TableLayout((NODES, NODES)), samples, smoothness=1.0)
+    found = fit_table(TableEffect((NODES, NODES)), samples, smoothness=1.0)
     assert found.line_offset == 0.0
 
 
@@ -183,7 +183,7 @@ def test_noise_of_a_smooth_line_read_once_is_not_followed(seed: int) -> None:
     nodes = np.linspace(-210.0, 510.0, 25)
     true = 0.010 * np.sin(nodes / 63.0) + 0.006 * np.cos(nodes / 155.0 + 0.3)
     error = true + 6e-4 * np.random.default_rng(1000 + seed).standard_normal(25)
-    fit = fit_table(TableLayout((nodes,)), Samples(nodes[:, None], error))
+    fit = fit_table(TableEffect((nodes,)), Samples(nodes[:, None], error))
     # 15 readings are left to the noise: it is known to about 18 %, 2.5 times that.
     assert fit.noise == pytest.approx(6e-4, rel=0.45)
     inside = np.abs(fit.values.ravel() - true) < 2 * fit.standard_deviation.ravel()

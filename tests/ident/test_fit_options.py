@@ -10,7 +10,7 @@ from axcomp.ident.exchange import LIST_UNITS
 from axcomp.ident.fit import (
     FitError,
     Samples,
-    TableLayout,
+    TableEffect,
     fit_table,
     predict,
     spatial_blocks,
@@ -19,11 +19,11 @@ from axcomp.ident.job.table._draft import written_deviation
 
 NOISE = 0.002  # mm
 NODES = np.linspace(0.0, 300.0, 31)
-LINE = TableLayout((NODES,))
-PLANE = TableLayout((np.arange(9.0) * 10, np.arange(7.0) * 10))
+LINE = TableEffect((NODES,))
+PLANE = TableEffect((np.arange(9.0) * 10, np.arange(7.0) * 10))
 
 
-def readings(layout: TableLayout, count: int, seed: int = 0) -> Samples:
+def readings(layout: TableEffect, count: int, seed: int = 0) -> Samples:
     rng = np.random.default_rng(seed)
     positions = rng.uniform(
         0.0, [nodes[-1] for nodes in layout.nodes], (count, len(layout.nodes))
@@ -93,7 +93,7 @@ def test_single_reading_per_node_has_its_noise_judged_by_its_neighbours() -> Non
     truth = 0.02 * np.sin(nodes / 15)
     error = truth + rng.normal(0.0, NOISE, 200)
     samples = Samples(nodes[:, None], error)
-    fit = fit_table(TableLayout((nodes,)), samples, smoothness=0.0, loss="gauss")
+    fit = fit_table(TableEffect((nodes,)), samples, smoothness=0.0, loss="gauss")
     np.testing.assert_allclose(fit.values, error, atol=1e-8)
     # 200 readings tell their scatter to 5 %.
     assert fit.noise == pytest.approx(NOISE, rel=0.2)
@@ -104,7 +104,7 @@ def test_single_reading_per_node_has_its_noise_judged_by_its_neighbours() -> Non
     ("layout", "loss"), [(LINE, "student"), (PLANE, "gauss")], ids=["line", "plane"]
 )
 def test_same_readings_give_the_same_fit_in_any_order(
-    layout: TableLayout, loss: str
+    layout: TableEffect, loss: str
 ) -> None:
     samples = readings(layout, 1000)
     shuffle = np.random.default_rng(5).permutation(1000)
@@ -155,7 +155,7 @@ def test_direction_means_nothing_to_a_table_that_has_one() -> None:
 
 @pytest.mark.parametrize("count", [1, 2, 3, 4])
 def test_shortest_tables_are_fitted(count: int) -> None:
-    layout = TableLayout((np.linspace(0.0, 10.0, count),))
+    layout = TableEffect((np.linspace(0.0, 10.0, count),))
     rng = np.random.default_rng(7)
     position = rng.uniform(0.0, 10.0, 400)
     truth = 0.01 * np.arange(count) if count > 1 else np.array([0.3])
@@ -197,14 +197,14 @@ def test_steps_of_a_coarse_instrument_are_not_wild() -> None:
 
 
 def test_a_single_cell_is_judged_on_readings_left_out() -> None:
-    layout = TableLayout((NODES[[0, -1]],))
+    layout = TableEffect((NODES[[0, -1]],))
     groups = spatial_blocks(layout, readings(layout, 30), 5)
     assert np.bincount(groups).tolist() == [6] * 5
 
 
 def test_a_table_with_two_directions_is_not_asked_without_any() -> None:
     rng = np.random.default_rng(10)
-    layout = TableLayout((NODES,), branches=2)
+    layout = TableEffect((NODES,), branches=2)
     position, branch = rng.uniform(0.0, 300.0, (400, 1)), rng.integers(0, 2, 400)
     error = 0.01 * branch + rng.normal(0.0, NOISE, 400)
     fit = fit_table(layout, Samples(position, error, branch))
@@ -232,7 +232,7 @@ def test_few_readings_beside_free_nodes_do_not_call_each_other_wild() -> None:
         x = np.append(nodes, rng.uniform(0.0, 200.0, 3))
         error = 0.01 * np.sin(x / 40.0) + 0.001 * rng.normal(size=24)
         samples = Samples(x[:, None], error)
-        found = fit_table(TableLayout((nodes,)), samples, smoothness=0.0)
+        found = fit_table(TableEffect((nodes,)), samples, smoothness=0.0)
         assert found.converged
         off = np.abs(found.values - 0.01 * np.sin(nodes / 40.0))
         inside.append(np.mean(off < 2.0 * found.standard_deviation))

@@ -11,7 +11,7 @@ import pytest
 from scipy.ndimage import gaussian_filter
 from scipy.optimize import minimize_scalar
 
-from axcomp.ident.fit import Samples, TableFit, TableLayout, fit_table, fit_values
+from axcomp.ident.fit import Samples, TableEffect, TableFit, fit_table, fit_values
 
 LONG, SHORT = 41, 31
 INTERVAL = 10.0  # mm
@@ -19,7 +19,7 @@ COUNT = 100_000
 NOISE = 0.002  # mm
 WILD, WILD_SHARE = 1.0, 0.01  # mm
 UNIT = 1e-4  # mm, what a list can say
-LAYOUT = TableLayout((INTERVAL * np.arange(LONG), INTERVAL * np.arange(SHORT)))
+LAYOUT = TableEffect((INTERVAL * np.arange(LONG), INTERVAL * np.arange(SHORT)))
 SMOOTH = ("waves", "field of 5 nodes", "field of 10 nodes", "sag")
 
 
@@ -194,7 +194,7 @@ def test_table_measured_along_one_axis_more_is_turned_with_its_axes() -> None:
     some = case.samples.take(np.arange(COUNT) < 20_000)
     fit = fit_table(LAYOUT, some)
     turned = fit_table(
-        TableLayout(LAYOUT.nodes[::-1]), Samples(some.positions[:, ::-1], some.error)
+        TableEffect(LAYOUT.nodes[::-1]), Samples(some.positions[:, ::-1], some.error)
     )
     # The same sums in another order.
     np.testing.assert_allclose(turned.values.T, fit.values, atol=1e-9)
@@ -234,7 +234,7 @@ def test_values_alone_are_those_of_the_whole_fit(smoothness: float, gap: bool) -
         places = places[(places > 100.0).any(axis=1)]
     error = 0.02 * np.sin(places[:, 0] / 60.0) * np.cos(places[:, 1] / 50.0)
     error += 0.002 * rng.standard_normal(len(places))
-    layout = TableLayout((nodes, nodes))
+    layout = TableEffect((nodes, nodes))
     samples = Samples(places, error)
     fit = fit_table(layout, samples, smoothness=smoothness, loss="gauss")
     values = fit_values(layout, samples, smoothness=smoothness)
@@ -251,7 +251,7 @@ def test_a_plane_that_bends_towards_its_corner_keeps_all_its_readings(
     x, y = (each.ravel() for each in np.meshgrid(nodes, nodes, indexing="ij"))
     error = 2e-4 * np.sin(x / 100.0) * y
     samples = Samples(np.stack([x, y], axis=1), error.round(digits))
-    fit = fit_table(TableLayout((nodes, nodes)), samples, loss="student")
+    fit = fit_table(TableEffect((nodes, nodes)), samples, loss="student")
     truth = 2e-4 * np.sin(nodes / 100.0) * nodes[:, None]
     # As one reading per node is written; a table too smooth at first lost eight to 185 µm.
     np.testing.assert_allclose(fit.values, truth, atol=10.0**-digits)
@@ -264,7 +264,7 @@ def test_of_many_lone_readings_only_a_far_one_is_named(seeds: range) -> None:
     x, y = np.arange(0.0, 601.0, 40.0), np.arange(0.0, 401.0, 40.0)
     places = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     truth = 0.02 * np.sin(places[:, 0] / 150.0) * np.cos(places[:, 1] / 200.0)
-    layout, named = TableLayout((x, y)), []
+    layout, named = TableEffect((x, y)), []
     for seed in seeds:
         rng = np.random.default_rng(seed)
         error = truth + 4e-4 * rng.standard_normal(len(places))
@@ -286,14 +286,14 @@ def test_readings_that_agree_with_each_other_and_no_others_are_a_doubt_of_the_ta
     error = 0.01 * np.sin(x / 120.0) * np.cos(y / 90.0) + 7e-4 * rng.normal(size=x.size)
     corner = (x >= 300.0) & (y >= 250.0)  # 30 µm, of the machine or of the instrument
     fit = fit_table(
-        TableLayout(nodes), Samples(np.stack([x, y], axis=1), error + 0.03 * corner)
+        TableEffect(nodes), Samples(np.stack([x, y], axis=1), error + 0.03 * corner)
     )
     assert fit.wild[corner].all()
     there = np.ix_(nodes[1] >= 250.0, nodes[0] >= 300.0)
     assert (fit.standard_deviation[there] > 0.02).all()
     assert fit.standard_deviation[:4].max() < 1e-3
     error[7] += 0.03  # one is the instrument's
-    lone = fit_table(TableLayout(nodes), Samples(np.stack([x, y], axis=1), error))
+    lone = fit_table(TableEffect(nodes), Samples(np.stack([x, y], axis=1), error))
     assert lone.wild.sum() == 1
     assert lone.standard_deviation.max() < 2e-3
 
@@ -309,9 +309,9 @@ def test_places_read_twice_are_named_where_both_readings_are_off_and_not_by_chan
     off = 5e-3 * ((x == 200.0) & (y == 150.0))
     for seed in range(4):  # of 63 nodes in each; one in a hundred planes may have one
         noise = 7e-4 * np.random.default_rng(seed).normal(size=x.size)
-        fit = fit_table(TableLayout(nodes), Samples(place, truth + noise, run=run))
+        fit = fit_table(TableEffect(nodes), Samples(place, truth + noise, run=run))
         assert fit.suspect_nodes == ()
         fit = fit_table(
-            TableLayout(nodes), Samples(place, truth + noise + off, run=run)
+            TableEffect(nodes), Samples(place, truth + noise + off, run=run)
         )
         assert fit.suspect_nodes == (3 * 9 + 4,)

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from axcomp.data.errors import AxcompError
-from axcomp.ident.fit import FitError, Samples, TableLayout, fit_table
+from axcomp.ident.fit import FitError, Samples, TableEffect, fit_table
 
-LINE = TableLayout((np.arange(11.0),))
-PLANE = TableLayout((np.arange(5.0), np.arange(4.0)))
-BILATERAL = TableLayout((np.arange(11.0),), branches=2)
+LINE = TableEffect((np.arange(11.0),))
+PLANE = TableEffect((np.arange(5.0), np.arange(4.0)))
+BILATERAL = TableEffect((np.arange(11.0),), branches=2)
 
 
 def readings(count: int = 60, axes: int = 1) -> Samples:
@@ -50,7 +50,7 @@ def test_numbers_that_are_not_finite(name: str, value: float) -> None:
 
 
 def test_nodes_that_do_not_ascend() -> None:
-    layout = TableLayout((np.array([0.0, 2.0, 1.0, 3.0]),))
+    layout = TableEffect((np.array([0.0, 2.0, 1.0, 3.0]),))
     with pytest.raises(FitError, match="nodes along axis 1 must ascend"):
         fit_table(layout, readings())
 
@@ -84,7 +84,7 @@ def test_fewer_readings_than_nodes() -> None:
 
 
 def test_repeated_end_of_a_turn_needs_no_reading_of_its_own() -> None:
-    layout = TableLayout((np.arange(11.0),), periodic=True)
+    layout = TableEffect((np.arange(11.0),), periodic=True)
     fit_table(layout, readings(10))
     with pytest.raises(FitError, match="9 readings for 10 nodes"):
         fit_table(layout, readings(9))

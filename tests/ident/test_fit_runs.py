@@ -10,7 +10,7 @@ import pytest
 from axcomp.ident.fit import (
     FitError,
     Samples,
-    TableLayout,
+    TableEffect,
     fit_table,
     leave_out,
     predict,
@@ -23,7 +23,7 @@ NOISE = 0.002  # mm
 RUNS = 5
 NODES = np.linspace(0.0, 400.0, 21)
 TARGETS = np.linspace(0.0, 400.0, 41)
-LAYOUT = TableLayout((NODES,), branches=2)
+LAYOUT = TableEffect((NODES,), branches=2)
 OFFSET = np.array([0.010, -0.004, 0.007, -0.009, 0.001])
 DRIFT = np.array([0.006, 0.002, -0.005, 0.004, -0.002])
 LOSSES = pytest.mark.parametrize("loss", ["gauss", "huber", "student"])
@@ -89,7 +89,7 @@ def test_table_does_not_feel_the_offsets(loss: str) -> None:
 
 def test_table_keeps_the_mean_of_the_runs() -> None:
     # Targets on all nodes, all runs complete: the table is the plain mean at the targets.
-    layout = TableLayout((TARGETS,), branches=2)
+    layout = TableEffect((TARGETS,), branches=2)
     samples = runs()
     order = np.argsort(TARGETS)
     assert samples.branch is not None
@@ -240,14 +240,14 @@ def test_leaving_out_needs_two_groups() -> None:
 @pytest.mark.parametrize(
     "layout",
     [
-        TableLayout((np.arange(33.0), np.arange(21.0))),
-        TableLayout((np.arange(200.0),)),
-        TableLayout((np.arange(37.0),), branches=2, periodic=True),
-        TableLayout((np.arange(6.0), np.arange(4.0))),
+        TableEffect((np.arange(33.0), np.arange(21.0))),
+        TableEffect((np.arange(200.0),)),
+        TableEffect((np.arange(37.0),), branches=2, periodic=True),
+        TableEffect((np.arange(6.0), np.arange(4.0))),
     ],
     ids=["plane", "line", "ring", "small plane"],
 )
-def test_spatial_blocks_cover_everything_evenly(layout: TableLayout) -> None:
+def test_spatial_blocks_cover_everything_evenly(layout: TableEffect) -> None:
     rng = np.random.default_rng(0)
     last = [nodes[-1] for nodes in layout.nodes]
     positions = rng.uniform(0.0, last, (20_000, len(last)))
@@ -272,7 +272,7 @@ def test_left_out_blocks_are_bridged_within_their_stated_deviation() -> None:
     x, y = np.arange(13.0), np.arange(11.0)
     positions = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     surface = 0.05 * np.sin(positions[:, 0] / 4) * np.cos(positions[:, 1] / 5)
-    layout = TableLayout((x, y))
+    layout = TableEffect((x, y))
     samples = Samples(positions, surface + rng.normal(0.0, NOISE, len(surface)))
     fit = fit_table(layout, samples)
     group = spatial_blocks(layout, samples, count=4)
@@ -289,7 +289,7 @@ def test_left_out_blocks_are_bridged_within_their_stated_deviation() -> None:
 
 def test_least_squares_without_smoothness_keeps_the_mean_of_all_runs() -> None:
     # One of five runs lies 40 µm off: it is named, and counts in the mean.
-    layout = TableLayout((TARGETS,), branches=2)
+    layout = TableEffect((TARGETS,), branches=2)
     offset = np.array([0.0005, -0.0004, 0.0002, 0.040, -0.0003])
     samples = runs(offset=offset, drift=0 * DRIFT)
     fit = fit_table(layout, samples, smoothness=0.0, loss="gauss", run_effects="offset")
@@ -311,7 +311,7 @@ def test_least_squares_without_smoothness_keeps_the_mean_of_all_runs() -> None:
 )
 def test_runs_that_differ_by_little_all_count(seeds: range) -> None:
     nodes = np.linspace(0.0, 800.0, 81)
-    layout, inside = TableLayout((nodes,), branches=2), []
+    layout, inside = TableEffect((nodes,), branches=2), []
     for seed in seeds:
         rng = np.random.default_rng(seed)
         # White curvature: what second differences take a table for.
@@ -341,7 +341,7 @@ def test_robust_passes_that_would_swing_for_ever_come_to_rest(seed: int) -> None
         branch=(rows["dir"] < 0).astype(np.int64),
         run=rows["run"].astype(np.int64),
     )
-    layout = TableLayout((np.linspace(-20.0, 20.0, 9),), branches=2)
+    layout = TableEffect((np.linspace(-20.0, 20.0, 9),), branches=2)
     fit = fit_table(layout, samples)
     assert fit.converged
     # 1.2 µm as made, a tenth of it by chance for 90 readings, and the drift within a run,
@@ -358,7 +358,7 @@ def test_a_ripple_that_every_run_shows_is_no_noise() -> None:
         scatter = np.random.default_rng(seed).normal(0.0, 0.001, len(run))
         samples = Samples(np.tile(NODES, 3)[:, None], np.tile(truth, 3) + scatter)
         samples = dataclasses.replace(samples, run=run)
-        fit = fit_table(TableLayout((NODES,)), samples, run_effects="offset")
+        fit = fit_table(TableEffect((NODES,)), samples, run_effects="offset")
         inside.append(np.abs(fit.values - truth) <= 2 * fit.standard_deviation)
         noise.append(fit.noise)
     # 168 nodes: 95 % less three standard deviations of that share.
@@ -389,7 +389,7 @@ def test_deviations_hold_what_heat_makes_of_each_run(count: int, heat: float) ->
         samples = Samples(
             np.tile(nodes, count)[:, None], np.ravel(error) + scatter, None, run, place
         )
-        fit = fit_table(TableLayout((nodes,)), samples, run_effects="drift")
+        fit = fit_table(TableEffect((nodes,)), samples, run_effects="drift")
         # The mean of the runs' offsets and drifts is told apart from this.
         off = fit.values - truth
         off = off - line @ np.linalg.lstsq(line, off, rcond=None)[0]

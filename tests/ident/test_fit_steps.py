@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import axcomp
-from axcomp.ident.fit import Samples, TableFit, TableLayout, fit_table
+from axcomp.ident.fit import Samples, TableEffect, TableFit, fit_table
 
 NODES = np.linspace(0.0, 400.0, 21)
 STEP, RUNS, SEEDS = 1e-3, 5, 12
@@ -25,7 +25,7 @@ def read(seed: int, scatter: float, step: float) -> np.ndarray:
 
 def fit(error: np.ndarray, loss: str = "student") -> TableFit:
     samples = Samples(np.tile(NODES, RUNS)[:, None], error)
-    return fit_table(TableLayout((NODES,)), samples, loss=loss)
+    return fit_table(TableEffect((NODES,)), samples, loss=loss)
 
 
 def inside(scatter: float) -> float:

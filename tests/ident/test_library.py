@@ -16,7 +16,7 @@ import pytest
 import axcomp
 from axcomp import models
 from axcomp.ident.core import FitError
-from axcomp.ident.fit import Constraint, Samples, TableLayout, fit_table
+from axcomp.ident.fit import Constraint, Samples, TableEffect, fit_table
 
 RECIPES = Path(__file__).parents[2] / "docs" / "library.md"
 
@@ -338,7 +338,7 @@ def test_a_table_has_the_deviations_that_it_has_as_a_single_table() -> None:
     error = np.tile(1e-3 * rng.normal(size=21), 2) + 1e-3 * rng.normal(size=42)
     screw = axcomp.Leadscrew("X", start=0, interval=20, points=21)
     fit = axcomp.fit([screw], {"X.position": places, "X.error": error})["leadscrew"]
-    alone = fit_table(TableLayout((nodes,)), Samples(places[:, None], error))
+    alone = fit_table(TableEffect((nodes,)), Samples(places[:, None], error))
     # One estimator by two ways: only rounding stands between them.
     np.testing.assert_allclose(fit.model.pos, alone.values, rtol=0, atol=1e-9)
     spread = fit.standard_deviation.pos

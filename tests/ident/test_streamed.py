@@ -18,17 +18,17 @@ from axcomp.ident.batch import fit_log
 from axcomp.ident.fit import (
     FitError,
     Samples,
+    TableEffect,
     TableFit,
-    TableLayout,
     fit_streamed,
     fit_table,
 )
 
-PLANE = TableLayout((np.linspace(0.0, 100.0, 11), np.linspace(0.0, 60.0, 8)))
-LINE = TableLayout((np.linspace(0.0, 100.0, 21),))
+PLANE = TableEffect((np.linspace(0.0, 100.0, 11), np.linspace(0.0, 60.0, 8)))
+LINE = TableEffect((np.linspace(0.0, 100.0, 21),))
 
 
-def log(layout: TableLayout, count: int, wild: float = 0.0) -> Samples:
+def log(layout: TableEffect, count: int, wild: float = 0.0) -> Samples:
     rng = np.random.default_rng(3)
     ends = np.array([nodes[-1] for nodes in layout.nodes])
     positions = rng.uniform(-2.0, 2.0 + ends, (count, len(ends)))
@@ -51,7 +51,7 @@ def parts(samples: Samples, count: int) -> list[functools.partial[Iterator[Sampl
     return found
 
 
-def streamed(layout: TableLayout, parts: Any, **options: Any) -> TableFit:
+def streamed(layout: TableEffect, parts: Any, **options: Any) -> TableFit:
     return fit_streamed(layout, parts, **options).fit
 
 
@@ -68,7 +68,7 @@ def assert_same(found: TableFit, whole: TableFit, tolerance: float) -> None:
 @pytest.mark.parametrize("loss", ["gauss", "huber", "student"])
 @pytest.mark.parametrize("layout", [PLANE, LINE], ids=["plane", "line"])
 def test_a_log_in_pieces_gives_the_table_that_it_gives_in_memory(
-    layout: TableLayout, loss: str
+    layout: TableEffect, loss: str
 ) -> None:
     samples = log(layout, 45_000, wild=0.001)
     whole = fit_table(layout, samples, loss=loss)
@@ -79,10 +79,10 @@ def test_a_log_in_pieces_gives_the_table_that_it_gives_in_memory(
     assert f"{45_000} readings" in found.message
 
 
-UNEVEN = TableLayout(
+UNEVEN = TableEffect(
     (np.array([0.0, 10.0, 30.0, 60.0, 70.0, 100.0]), np.linspace(0.0, 60.0, 9))
 )
-FEW = TableLayout((np.linspace(0.0, 100.0, 5), np.linspace(0.0, 60.0, 4)))
+FEW = TableEffect((np.linspace(0.0, 100.0, 5), np.linspace(0.0, 60.0, 4)))
 
 
 @pytest.mark.parametrize(
@@ -91,7 +91,7 @@ FEW = TableLayout((np.linspace(0.0, 100.0, 5), np.linspace(0.0, 60.0, 4)))
 @pytest.mark.parametrize("straight", [False, True], ids=["bent", "straight"])
 @pytest.mark.parametrize("layout", [UNEVEN, FEW], ids=["uneven", "few"])
 def test_small_grids_end_at_the_same_smoothness(
-    layout: TableLayout, straight: bool, loss: str
+    layout: TableEffect, straight: bool, loss: str
 ) -> None:
     # Where the evidence hardly tells the weights, the search must still end in one place.
     samples = log(layout, 3_000, wild=0.001)

@@ -56,7 +56,8 @@ class AbstractTable(AbstractEffect):
 
     @property
     def inputs(self) -> Inputs:
-        direction = (("direction", self.axis),) if self.table_effect.way else ()
+        both = self.table_effect.branches == 2
+        direction = (("direction", self.axis),) if both else ()
         return (*(("position", master) for master in self.masters), *direction)
 
     @property
@@ -79,17 +80,17 @@ class AbstractTable(AbstractEffect):
 
     def rows(self, columns: Sequence[Float[np.ndarray, " t"]]) -> Rows:
         table = self.table_effect
-        names = (*table.inputs, table.way or "direction")
-        inputs = dict(zip(names, columns, strict=False))
+        inputs = dict(zip((*table.inputs, "direction"), columns, strict=False))
         nodes, shares = table.design(Readings(np.zeros(len(columns[0])), inputs))
         return self._place[nodes], shares
 
     @cached_property
     def labels(self) -> tuple[str, ...]:
         table = self.table_effect
-        motions = (", moving positive", ", moving negative") if table.way else ("",)
+        ways = (", moving positive", ", moving negative")
+        motions = ways if table.branches == 2 else ("",)
         grid = [
-            [f"{master} = {value:g}" for value in nodes[: len(nodes) - table.ring]]
+            [f"{master} = {value:g}" for value in nodes[: len(nodes) - table.periodic]]
             for master, nodes in zip(self.masters, table.nodes, strict=True)
         ]
         places = [", ".join(reversed(at)) for at in itertools.product(*grid[::-1])]
@@ -106,7 +107,7 @@ class AbstractTable(AbstractEffect):
     ) -> Float[np.ndarray, "..."]:
         mesh = np.stack(np.meshgrid(*(places or self.grid)), axis=-1)
         rows = mesh.reshape(-1, mesh.shape[-1])
-        signs = (1, -1) if self.table_effect.way else (1,)
+        signs = (1, -1)[: self.table_effect.branches]
         offsets = [
             np.asarray(model.offset(*model.looked_up(rows, np.full(len(rows), sign))))
             for sign in signs
@@ -173,7 +174,7 @@ class AbstractLine(AbstractTable):
 
     @cached_property
     def table_effect(self) -> TableEffect:
-        return TableEffect((self.nodes,), self.masters, ring=self.modulo)
+        return TableEffect((self.nodes,), periodic=self.modulo, inputs=self.masters)
 
     @property
     def _model_nodes(self) -> models.EquidistantNodes | models.Setpoints:
@@ -202,8 +203,7 @@ class Leadscrew(AbstractLine):
 
     @cached_property
     def table_effect(self) -> TableEffect:
-        way = "direction" if self.bilateral else None
-        return dataclasses.replace(super().table_effect, way=way)
+        return dataclasses.replace(super().table_effect, branches=1 + self.bilateral)
 
     @property
     def name(self) -> str:
@@ -298,7 +298,7 @@ class Plane(AbstractTable):
         given = (self.nodes, self.start, self.interval, self.points)
         lines = zip(*(each or (None, None) for each in given), strict=True)
         nodes = tuple(_nodes_of(self.name, "nodes", *line) for line in lines)
-        return TableEffect(nodes, self.masters)
+        return TableEffect(nodes, inputs=self.masters)
 
     def components(self, places: Int[np.ndarray, " p"]) -> list[Component]:
         (component,) = super().components(places)

@@ -177,7 +177,7 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
             )
             notes = [each.message for each in remarks]
             raise plan.refusal(". ".join([reason, " ".join(notes)]).rstrip(". "))
-    finer = fewest < table.layout.effect.size // table.branches
+    finer = fewest < table.layout.size // table.branches
     fit_to = functools.partial(
         fit_table,
         table.layout,

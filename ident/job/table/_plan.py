@@ -126,7 +126,7 @@ class Plan(AbstractPlan):
         """
         layout, count = self.table.layout, self.table.branches
         if self.datum is None:
-            return np.zeros(layout.effect.size)
+            return np.zeros(layout.size)
         for place, nodes in zip(self.datum, self.table.nodes, strict=True):
             ends = nodes.positions[[0, -1]]
             if not ends[0] <= place <= ends[1]:
@@ -140,7 +140,7 @@ class Plan(AbstractPlan):
 
     def zero_of(self, values: Float[np.ndarray, "..."]) -> float:
         """Return what values at the nodes say at the datum."""
-        return float(self.datum_row @ self.table.layout.effect.to_values(values))
+        return float(self.datum_row @ self.table.layout.to_values(values))
 
     def zeroed(self, estimate: TableFit) -> tuple[float, TableFit]:
         """Return what a table says at the datum, and it less that."""

@@ -28,12 +28,14 @@ from axcomp.models import Leadscrew, Plane
 
 EVEN, UNEVEN = np.linspace(-7.0, 60.0, 12), np.cumsum([0.0, *[1.0, 2.5, 4.0] * 3])
 TABLES = {
-    "line": TableEffect((UNEVEN,), ("x",)),
-    "bilateral": TableEffect((EVEN,), ("x",), "way"),
-    "ring": TableEffect((np.linspace(0.0, 60.0, 9),), ("x",), "way", ring=True),
-    "plane": TableEffect((np.linspace(0, 60, 5), UNEVEN), ("x", "y")),
-    "wide plane": TableEffect((EVEN, UNEVEN[:4]), ("x", "y")),
-    "one cell": TableEffect((np.array([0.0, 60.0]), np.array([0.0, 20.0])), ("x", "y")),
+    "line": TableEffect((UNEVEN,), inputs=("x",)),
+    "bilateral": TableEffect((EVEN,), 2, inputs=("x",)),
+    "ring": TableEffect((np.linspace(0.0, 60.0, 9),), 2, True, inputs=("x",)),
+    "plane": TableEffect((np.linspace(0, 60, 5), UNEVEN), inputs=("x", "y")),
+    "wide plane": TableEffect((EVEN, UNEVEN[:4]), inputs=("x", "y")),
+    "one cell": TableEffect(
+        (np.array([0.0, 60.0]), np.array([0.0, 20.0])), inputs=("x", "y")
+    ),
 }
 tables = pytest.mark.parametrize("name", TABLES)
 STUDENT = Loss(1.0, 4.0, limit=3.0, wild_from=3.0)
@@ -45,7 +47,7 @@ def readings(count: int = 400, seed: int = 0) -> Readings:
     inputs = {
         "x": rng.uniform(-10.0, 65.0, count),
         "y": rng.uniform(-2.0, 26.0, count),
-        "way": rng.choice([-1.0, 1.0], count),
+        "direction": rng.choice([-1.0, 1.0], count),
         "run": rng.integers(0, 4, count),
         "late": rng.uniform(-0.5, 0.5, count),
     }
@@ -87,7 +89,7 @@ def test_the_design_of_a_table_is_the_look_up_of_the_controller(name: str) -> No
     else:
         pos, neg = (array, None) if table.branches == 1 else (array[0], array[1])
         own = Leadscrew(model.nodes, pos, neg, model.modulo)
-        expected = own.entry(given.inputs["x"], given.inputs["way"])
+        expected = own.entry(given.inputs["x"], given.inputs["direction"])
     # Sums of up to four products of size 1.
     np.testing.assert_allclose(found, expected, atol=1e-14)
     np.testing.assert_array_equal(table.to_values(table.to_table(values)), values)
@@ -95,7 +97,7 @@ def test_the_design_of_a_table_is_the_look_up_of_the_controller(name: str) -> No
 
 def test_a_reading_on_a_node_supports_that_node_alone() -> None:
     # Written "0.3" where the node is 0.1 · 3: next to each other by a rounding.
-    table = TableEffect((0.1 * np.arange(21),), ("x",))
+    table = TableEffect((0.1 * np.arange(21),), inputs=("x",))
     place = np.array([float(f"{0.1 * k:.1f}") for k in range(0, 21, 2)])
     given = Readings(np.zeros(11), {"x": place})
     sums, _ = sums_of(Stack((table,)), given, np.zeros(21), Loss())
@@ -156,7 +158,7 @@ def test_the_loop_over_a_plane_gives_the_sums_of_its_design(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     nodes = tuple(np.linspace(0.0, 60.0, count) for count in points)
-    stack, given = Stack((TableEffect(nodes, ("x", "y")),)), readings()
+    stack, given = Stack((TableEffect(nodes, inputs=("x", "y")),)), readings()
     theta = np.random.default_rng(5).normal(size=stack.size)
     expected, left = sums_of(stack, given, theta, loss)
     monkeypatch.setattr("axcomp.ident.core._sums.MANY", 1)
@@ -194,7 +196,7 @@ def test_the_loop_over_a_plane_locates_cells_as_the_model_does_bit_for_bit(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     table = TableEffect(
-        (np.linspace(-40.0, 30.0, 15), -3.0 + 0.7 * np.arange(9)), ("x", "y")
+        (np.linspace(-40.0, 30.0, 15), -3.0 + 0.7 * np.arange(9)), inputs=("x", "y")
     )
     stack, rng = Stack((table,)), np.random.default_rng(6)
     near = [nodes[rng.integers(0, len(nodes), 500)] for nodes in table.nodes]
@@ -340,7 +342,7 @@ def test_a_matrix_that_is_not_definite_gives_no_factor() -> None:
 
 def test_the_weights_found_have_the_best_evidence_of_a_fine_grid() -> None:
     rng = np.random.default_rng(10)
-    table = TableEffect((np.linspace(0.0, 60.0, 25),), ("x",))
+    table = TableEffect((np.linspace(0.0, 60.0, 25),), inputs=("x",))
     x = rng.uniform(0.0, 60.0, 300)
     given = Readings(np.sin(x / 8.0) + 0.1 * rng.normal(size=300), {"x": x})
     sums, _ = sums_of(Stack((table,)), given, np.zeros(25), Loss())
@@ -372,7 +374,7 @@ def test_scale_from_counted_residuals_is_that_of_the_residuals(name: str) -> Non
 def test_a_small_fit_loads_no_compiler() -> None:
     code = (
         "import sys, numpy as np; from axcomp.ident.fit import *; x = np.linspace(0, 9, 60);"
-        "fit_table(TableLayout((np.arange(10.0),)), Samples(x[:, None], np.sin(x)));"
+        "fit_table(TableEffect((np.arange(10.0),)), Samples(x[:, None], np.sin(x)));"
         "assert 'numba' not in sys.modules"
     )
     subprocess.run([sys.executable, "-c", code], check=True)

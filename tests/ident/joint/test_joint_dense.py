@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from axcomp.ident.fit import Samples, TableLayout, fit_table
+from axcomp.ident.fit import Samples, TableEffect, fit_table
 from axcomp.ident.fit.joint import (
     AbstractEffect,
     Backlash,
@@ -78,7 +78,7 @@ def test_one_leadscrew_alone_is_what_the_table_fit_gives() -> None:
     nodes = np.linspace(0.0, 1000.0, 41)
     data = JointData(position={"X": x}, error={"X": error})
     joint = fit_joint(data, [Leadscrew("X", nodes)])
-    alone = fit_table(TableLayout((nodes,)), Samples(x[:, None], error))
+    alone = fit_table(TableEffect((nodes,)), Samples(x[:, None], error))
     total = joint.parts[0].values + joint.datum["X"][0]
     # Both choose the smoothness by the same evidence, each to within its own tolerance.
     assert np.abs(total - alone.values).max() < 0.3 * alone.standard_deviation.max()

@@ -7,7 +7,7 @@ import pytest
 from scipy.ndimage import gaussian_filter1d
 from scipy.optimize import minimize_scalar
 
-from axcomp.ident.fit import Samples, TableFit, TableLayout, fit_table, fit_values
+from axcomp.ident.fit import Samples, TableEffect, TableFit, fit_table, fit_values
 
 NOISE = 0.002  # mm or °
 WILD, WILD_SHARE = 1.0, 0.01
@@ -16,9 +16,9 @@ SEEDS = (0, 1)
 
 _GAPS = np.random.default_rng(7).uniform(3.6, 4.4, 139)
 LAYOUTS = {
-    "leadscrew": TableLayout((np.concatenate([[-20.0], -20 + _GAPS.cumsum()]),), 2),
-    "modulo": TableLayout((np.linspace(0.0, 360.0, 73),), 2, periodic=True),
-    "cross": TableLayout((2.0 * np.arange(1000),)),
+    "leadscrew": TableEffect((np.concatenate([[-20.0], -20 + _GAPS.cumsum()]),), 2),
+    "modulo": TableEffect((np.linspace(0.0, 360.0, 73),), 2, periodic=True),
+    "cross": TableEffect((2.0 * np.arange(1000),)),
 }
 COUNTS = {"leadscrew": 10_000, "modulo": 5_000, "cross": 10_000}
 
@@ -26,7 +26,7 @@ COUNTS = {"leadscrew": 10_000, "modulo": 5_000, "cross": 10_000}
 class Case(NamedTuple):
     """A true table in mm or °, readings of it, and which of them are wild."""
 
-    layout: TableLayout
+    layout: TableEffect
     truth: np.ndarray
     samples: Samples
     wild: np.ndarray
@@ -181,7 +181,7 @@ def test_directions_share_smoothness_and_nothing_else() -> None:
     for branch in (0, 1):
         own = samples.take(samples.branch == branch)
         alone = fit_table(
-            TableLayout(case.layout.nodes),
+            TableEffect(case.layout.nodes),
             Samples(own.positions, own.error),
             smoothness=50.0,
             loss="gauss",
@@ -204,7 +204,7 @@ def test_sharp_bends_on_which_repeated_readings_agree_are_believed(
         truth = bend * NOISE * rng.normal(size=41).cumsum().cumsum()
         error = np.tile(truth, runs) + rng.normal(0.0, NOISE, 41 * runs)
         samples = Samples(np.tile(nodes, runs)[:, None], error)
-        fit = fit_table(TableLayout((nodes,)), samples)
+        fit = fit_table(TableEffect((nodes,)), samples)
         assert not fit.wild.any()
         # As good as the mean of the runs; the loss costs up to a tenth of the precision,
         # and 41 nodes of one draw as much again.
@@ -219,7 +219,7 @@ def test_readings_without_noise_come_back() -> None:
     for truth in (np.full(11, 0.3), np.zeros(11), 0.1 * nodes, np.sin(nodes)):
         samples = Samples(position[:, None], np.interp(position, nodes, truth))
         for loss in ("student", "gauss"):
-            fit = fit_table(TableLayout((nodes,)), samples, loss=loss)
+            fit = fit_table(TableEffect((nodes,)), samples, loss=loss)
             # The smallest smoothness, 1e-7 of the information, draws a little.
             np.testing.assert_allclose(fit.values, truth, atol=1e-6)
             assert not fit.wild.any()
