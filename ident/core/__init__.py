@@ -46,7 +46,6 @@ from ._hold_out import (
 )
 from ._loss import WILD as WILD, Loss as Loss, choose_loss as choose_loss
 from ._posterior import (
-    CellCovariance as CellCovariance,
     Posterior as Posterior,
     Problem as Problem,
 )

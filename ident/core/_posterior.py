@@ -277,60 +277,24 @@ class Posterior:
             return border
         return np.concatenate([self._selected[0][:, 0], border])
 
-    def covariance(self, offsets: Sequence[int]) -> "CellCovariance":
-        """Return the covariance of unknowns within a cell of the first effect, noise 1."""
+    def covariance(self, offsets: Sequence[int]) -> sp.csr_array:
+        """Return the covariance of unknowns within a cell of the first effect, noise 1.
+
+        Elements at other distances from the diagonal are left out.
+        """
         stack = self.problem.stack
-        if not stack.band:
+        if stack.band:
+            (selected, slots), size = self._selected, stack.band
+            known = [k for k in offsets if k in self._offsets]
+            lower = {k: selected[: size - k, slots[k]] for k in known}
+        else:
             inverse = self.factor.border_inverse[stack.here(0), stack.here(0)]
-            columns = np.zeros((len(inverse), len(offsets)))
-            for slot, k in enumerate(offsets):
-                columns[: max(len(inverse) - k, 0), slot] = np.diagonal(inverse, -k)
-            return CellCovariance(tuple(offsets), columns)
-        selected, slots = self._selected
-        inside = [k for k in offsets if k in self._offsets]
-        return CellCovariance(tuple(inside), selected[:, slots[inside]])
+            lower = {k: np.diagonal(inverse, k) for k in offsets if k < len(inverse)}
+        both = lower | {-k: diagonal for k, diagonal in lower.items()}
+        return sp.csr_array(sp.diags_array([*both.values()], offsets=[*both]))
 
     def about(self) -> Problem:
         """Return the problem of the same sums about these values, so that digits are kept."""
         problem = self.problem
         sums = problem.sums.moved(self.values - problem.theta, problem.gain)
         return dataclasses.replace(problem, sums=sums, theta=self.values)
-
-
-@final
-@dataclasses.dataclass(frozen=True, eq=False)
-class CellCovariance:
-    """Covariance between the values of a table that one cell touches.
-
-    Attributes:
-        offsets: Distances of unknowns.
-        columns: ``[j, s]`` is the covariance of unknowns ``j`` and ``j + offsets[s]``.
-    """
-
-    offsets: tuple[int, ...]
-    columns: Float[np.ndarray, "n s"]
-
-    def scaled(self, factors: Vector) -> "CellCovariance":
-        """Return it for unknowns times these factors."""
-        columns = self.columns * factors[:, None]
-        for slot, k in enumerate(self.offsets):
-            columns[: len(factors) - k, slot] *= factors[k:]
-        return CellCovariance(self.offsets, columns)
-
-    def variance(
-        self, nodes: Int[np.ndarray, "t k"], shares: Float[np.ndarray, "t k"]
-    ) -> Float[np.ndarray, " t"]:
-        """Return the variance of Σ shares · values per row."""
-        # Distances that are not known, all larger ones too, have an element of 0.
-        columns = np.pad(self.columns, ((0, 0), (0, 1)))
-        slots = np.full(max(self.offsets) + 2, len(self.offsets))
-        slots[list(self.offsets)] = np.arange(len(self.offsets))
-        result = np.zeros(len(nodes))
-        for a in range(nodes.shape[1]):
-            for b in range(a + 1):
-                first, second = nodes[:, a], nodes[:, b]
-                slot = slots[np.minimum(np.abs(first - second), len(slots) - 1)]
-                factor = 1.0 if a == b else 2.0
-                product = factor * (shares[:, a] * shares[:, b])
-                result += product * columns[np.minimum(first, second), slot]
-        return np.maximum(result, 0.0)

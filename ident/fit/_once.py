@@ -18,6 +18,7 @@ same prior for as large a noise.
 import dataclasses
 
 import numpy as np
+import scipy.sparse as sp
 from jaxtyping import Float, Int
 
 from ._types import Samples, TableFit
@@ -111,7 +112,7 @@ def _noisier(fit: TableFit, place: Place, noise: float) -> TableFit:
         noise=noise,
         smoothness=dict(zip(table.prior.names, weights.tolist(), strict=True)),
         residual=fit.residual + (fit.values - values)[place],
-        covariance=post.covariance(table.offsets).scaled(np.full(table.size, noise)),
+        covariance=noise**2 * post.covariance(table.offsets),
         estimate=dataclasses.replace(fit.estimate, posterior=post),
     )
 
@@ -167,13 +168,12 @@ def _half_way(
     before = np.square(fit.standard_deviation)
     gain = np.square(weight * fit.noise) - np.square(weight) * before
     table = fit.layout
-    columns = fit.covariance.columns.copy()
+    # Nodes of one line share its offset.
     unknown = table.to_table(np.arange(table.size))
-    for slot, step in enumerate(fit.covariance.offsets):
-        # Nodes of one line share its offset.
-        along = np.abs(np.diff(unknown, axis=1 - across).flat[0])
-        columns[:, slot] += offset**2 if step in (0, along) else 0.0
-    columns[:, 0] += table.to_values(gain)
+    along = int(np.abs(np.diff(unknown, axis=1 - across).flat[0]))
+    same = np.full(table.size, offset**2)
+    more = [same[along:], same + table.to_values(gain), same[along:]]
+    shared = sp.diags_array(more, offsets=[-along, 0, along])
     size = offset / fit.noise
     way = f", and the table goes {fraction:.0%} of the way from the smooth surface to each reading"
     message = (
@@ -190,6 +190,6 @@ def _half_way(
         noise=float(np.hypot(fit.noise, offset)),
         line_offset=offset,
         residual=fit.residual * (1.0 - fractions),
-        covariance=dataclasses.replace(fit.covariance, columns=columns),
+        covariance=sp.csr_array(fit.covariance + shared),
         message=message,
     )

@@ -4,11 +4,13 @@ import dataclasses
 from collections.abc import Iterator
 
 import numpy as np
+import scipy.sparse as sp
 from jaxtyping import Float, Int
 
 from ..core import (
     FitError,
     GroupEffect,
+    Stack,
     TableEffect,
     leave_one_out,
     one_blas_thread,
@@ -35,17 +37,17 @@ def predict(
     Raises:
         FitError: If a table with two directions is asked without any.
     """
-    nodes, shares = _design(fit.layout, positions, branch)
-    values = fit.layout.to_values(fit.values)
-    mean = np.einsum("tk,tk->t", shares, values[nodes])
-    return mean, np.sqrt(fit.covariance.variance(nodes, shares))
+    rows = _rows(fit.layout, positions, branch)
+    variance = (rows @ fit.covariance).multiply(rows).sum(axis=1)
+    mean = rows @ fit.layout.to_values(fit.values)
+    return mean, np.sqrt(np.maximum(variance, 0.0))
 
 
-def _design(
+def _rows(
     layout: TableEffect,
     positions: Float[np.ndarray, "t d"],
     branch: Int[np.ndarray, " t"] | None,
-) -> tuple[Int[np.ndarray, "t k"], Float[np.ndarray, "t k"]]:
+) -> sp.csr_array:
     if layout.branches == 2 and branch is None:
         msg = (
             "a table with two directions says something else in each: "
@@ -53,7 +55,7 @@ def _design(
         )
         raise FitError(msg)
     samples = Samples(positions, np.zeros(len(positions)), branch)
-    return layout.design(samples.readings)
+    return Stack((layout,)).matrix(samples.readings)
 
 
 def mean_row(
@@ -62,10 +64,7 @@ def mean_row(
     branch: Int[np.ndarray, " t"] | None = None,
 ) -> Float[np.ndarray, " n"]:
     """Return each unknown's share in the mean of a table; arguments and errors as for `predict`."""
-    nodes, shares = _design(layout, positions, branch)
-    row = np.zeros(layout.size)
-    np.add.at(row, nodes, shares / len(positions))
-    return row
+    return np.asarray(_rows(layout, positions, branch).mean(axis=0))
 
 
 def zeroed(fit: TableFit, row: Float[np.ndarray, " n"]) -> TableFit:

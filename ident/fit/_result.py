@@ -4,6 +4,7 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
+import scipy.sparse as sp
 from jaxtyping import Bool, Float, Int
 from scipy.ndimage import maximum_filter, median
 from scipy.special import ndtri, stdtr, stdtrit
@@ -117,9 +118,10 @@ def result_of(
         FitError: If the readings do not determine the table.
     """
     post, table = estimate.posterior, layout
-    unscaled = np.maximum(post.inverse_diagonal[: table.size], 1e-300)
     variances = estimate.spread(lambda post: (post.values, post.inverse_diagonal))
     deviation = np.sqrt(variances[: table.size])
+    unscaled = np.maximum(post.inverse_diagonal[: table.size], 1e-300)
+    scale = sp.diags_array(deviation / np.sqrt(unscaled))
     support = post.problem.sums.support[: table.size]
     worst = float(deviation[support > 0].max(initial=0.0))
     # Rounding can leave a singular matrix just definite.
@@ -155,7 +157,7 @@ def result_of(
         runs=_run_effects(post, runs, estimate.scatter[0]),
         suspect_nodes=tuple(suspects),
         suspect_runs=(),
-        covariance=post.covariance(table.offsets).scaled(deviation / np.sqrt(unscaled)),
+        covariance=sp.csr_array(scale @ post.covariance(table.offsets) @ scale),
         converged=estimate.converged,
         message=estimate.message(count),
         estimate=estimate,

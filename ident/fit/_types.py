@@ -5,10 +5,10 @@ from collections.abc import Callable, Mapping
 from functools import cached_property
 
 import numpy as np
+import scipy.sparse as sp
 from jaxtyping import Bool, Float, Int
 
 from ..core import (
-    CellCovariance,
     Estimate,
     FitError,
     Readings,
@@ -176,7 +176,7 @@ class TableFit:
         runs: Fitted offset and drift per run; empty where there are no runs.
         suspect_nodes: Nodes of the flattened table whose readings contradict their surroundings.
         suspect_runs: Runs that contradict the others.
-        covariance: Between nodes of one cell, in the order of the effect, in mm².
+        covariance: Between nodes of one cell, in the order of the effect, in mm²; 0 elsewhere.
         converged: Whether the iterations reached their tolerance.
         message: One sentence on how the fit went, for the report.
         apart: By how much in mm or ° the run of each reading lies off the others on a stretch where
@@ -200,7 +200,7 @@ class TableFit:
     runs: tuple[RunEffect, ...]
     suspect_nodes: tuple[int, ...]
     suspect_runs: tuple[int, ...]
-    covariance: CellCovariance
+    covariance: sp.csr_array
     converged: bool
     message: str
     apart: Float[Array, " _t"] = dataclasses.field(default_factory=lambda: np.zeros(0))
@@ -212,12 +212,10 @@ class TableFit:
 
     def doubted(self, variance: float | Float[Array, " n"]) -> "TableFit":
         """Return it with a further variance of every node, or each, by itself, in mm² or °²."""
-        effect, columns = self.layout, self.covariance.columns.copy()
-        more = np.broadcast_to(variance, effect.size)
-        columns[: effect.size, 0] += more
-        squares = np.square(self.standard_deviation) + effect.to_table(more)
+        more = np.broadcast_to(variance, self.layout.size)
+        squares = np.square(self.standard_deviation) + self.layout.to_table(more)
         return dataclasses.replace(
             self,
             standard_deviation=np.sqrt(squares),
-            covariance=dataclasses.replace(self.covariance, columns=columns),
+            covariance=sp.csr_array(self.covariance + sp.diags_array(more)),
         )

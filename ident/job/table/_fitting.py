@@ -6,9 +6,10 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy.sparse as sp
 from jaxtyping import Float
 
-from ...core import CellCovariance, FitError
+from ...core import FitError
 from ...exchange import LIST_UNITS
 from ...fit import (
     RunEffects,
@@ -306,7 +307,7 @@ def _fit_of_share(plan: Plan, share: "Share") -> TableFit:
         runs=tuple(share.fit.runs.get(plan.axis, ())),
         suspect_nodes=(),
         suspect_runs=(),
-        covariance=CellCovariance((0,), np.zeros((0, 1))),
+        covariance=sp.csr_array((0, 0)),
         converged=share.fit.converged,
         message=share.fit.fits[plan.axis].message,
     )
