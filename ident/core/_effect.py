@@ -11,13 +11,7 @@ import numpy as np
 import scipy.linalg
 from jaxtyping import Array, Bool, Float, Int
 
-from ...models import (
-    AbstractLookup,
-    EquidistantNodes,
-    Leadscrew,
-    Plane,
-    Setpoints,
-)
+from ...models import AbstractLookup, EquidistantNodes, Leadscrew, Plane, Setpoints
 from ._chain import chain
 from ._errors import FitError
 from ._prior import AbstractPrior, NoPrior, Smooth

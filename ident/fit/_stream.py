@@ -30,12 +30,7 @@ from ..core import (
 from ._reconsider import crowded
 from ._result import Judged, fold_of, none_left_out, result_of
 from ._table import TOO_MANY, fixed_weights, level_of
-from ._types import (
-    Extent,
-    Samples,
-    Smoothness,
-    TableFit,
-)
+from ._types import Extent, Samples, Smoothness, TableFit
 
 Part = Callable[[], Iterable[Samples]]
 """Yields the same readings, piece by piece, every time it is called."""

@@ -38,12 +38,7 @@ from ._result import (
     runs_apart,
 )
 from ._steps import Steps
-from ._types import (
-    Extent,
-    Samples,
-    Smoothness,
-    TableFit,
-)
+from ._types import Extent, Samples, Smoothness, TableFit
 
 RunEffects = Literal["none", "offset", "drift"]
 """What every run has of its own; they need runs, and a drift needs places within them."""

@@ -8,12 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Bool, Float, Int
 
-from ..core import (
-    Estimate,
-    FitError,
-    Readings,
-    TableEffect,
-)
+from ..core import Estimate, FitError, Readings, TableEffect
 
 Array = np.ndarray
 Smoothness = float | str

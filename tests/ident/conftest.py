@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 
 from axcomp.data.measurements import iso230
-from axcomp.ident.core import CellCovariance
 from axcomp.ident.fit import RunEffect, TableEffect, TableFit
 from axcomp.ident.job import (
     ConventionState,
@@ -72,7 +72,7 @@ def _fit(
         runs=runs,
         suspect_nodes=(),
         suspect_runs=(),
-        covariance=CellCovariance((0,), np.zeros((0, 1))),
+        covariance=sp.csr_array((0, 0)),
         converged=True,
         message="Settled after 7 steps.",
     )

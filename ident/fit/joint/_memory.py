@@ -18,12 +18,7 @@ from typing import TYPE_CHECKING, final
 import numpy as np
 from jaxtyping import Float, Int
 
-from ...core import (
-    DriftNoise,
-    Spread,
-    find_drift,
-    scatter_of_sums,
-)
+from ...core import DriftNoise, Spread, find_drift, scatter_of_sums
 from .._identifiable import SINGULAR, pivoted
 from .._result import doubt_of_means
 from ._effect import Rank
