@@ -12,7 +12,6 @@ import dataclasses
 from collections.abc import Callable, Sequence
 
 import numpy as np
-import scipy.sparse as sp
 from jaxtyping import Float
 from scipy.optimize import fmin_l_bfgs_b
 
@@ -286,11 +285,8 @@ def _thinned(problem: Problem) -> tuple[Problem, Callable[[Vector], Vector]]:
     coarse = dataclasses.replace(table, nodes=grid)
     # The fine nodes as readings of the coarse table.
     places = [mesh.reshape(-1) for mesh in np.meshgrid(*table.nodes)]
-    inputs = dict(zip(table.inputs, places, strict=True))
-    nodes, shares = coarse.design(Readings(np.zeros(table.size), inputs))
-    rows = np.repeat(table.place, shares.shape[1]), nodes.reshape(-1)
-    shape = table.size, coarse.size
-    interpolation = sp.csr_array((shares.reshape(-1), rows), shape=shape)
+    fine = Readings(places[0], dict(zip(table.inputs, places, strict=True)))
+    interpolation = Stack((coarse,)).matrix(fine)[np.argsort(table.place)]
     slim = Stack((coarse, *stack.effects[1:]))
     n, m = stack.band, slim.band
     # The fine estimate is no coarse table: the sums are taken about zero in its place.

@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Bool, Float, Int
 
-from ._effect import AbstractEffect, Design, TableEffect
+from ._effect import AbstractEffect, TableEffect
 from ._prior import AbstractPrior
 from ._readings import Readings
 
@@ -133,16 +133,12 @@ class Stack:
         """Number of unknowns that no prior holds."""
         return sum(prior.free for prior, _, _ in self.priors)
 
-    def design(self, readings: Readings) -> Design:
-        """Return the rows of all effects side by side."""
-        designs = (effect.design(readings) for effect in self.effects)
-        nodes, shares = zip(*designs, strict=True)
-        placed = zip(nodes, self.starts, strict=False)
-        return np.hstack([node + start for node, start in placed]), np.hstack(shares)
-
     def matrix(self, readings: Readings) -> sp.csr_array:
-        """Return the rows of all effects side by side as a matrix."""
-        nodes, shares = self.design(readings)
-        count, width = shares.shape
-        entries = shares.reshape(-1), nodes.reshape(-1), np.arange(count + 1) * width
-        return sp.csr_array(entries, shape=(count, self.size))
+        """Return the rows of all effects side by side."""
+        designs = [effect.design(readings) for effect in self.effects]
+        placed = zip(designs, self.starts, strict=False)
+        nodes = np.hstack([own + start for (own, _), start in placed])
+        shares = np.hstack([own for _, own in designs])
+        pointers = np.arange(len(shares) + 1) * shares.shape[1]
+        entries = shares.reshape(-1), nodes.reshape(-1), pointers
+        return sp.csr_array(entries, shape=(len(shares), self.size))

@@ -118,29 +118,19 @@ def fit_streamed(
         return total
 
     def attempt(loss: str) -> StreamedFit:
-        firsts: list[_Summed] = []
-
         def over(theta: Float[np.ndarray, " u"], by: Loss, former: Sums | None) -> Sums:
-            groups = None if firsts else grouping
-            sums = sum_up(_SumUp(layout, theta, by, former is None, not firsts, groups))
-            if not firsts:
-                sums.extent.check(layout, stack.free, allow_gaps=False)
-                firsts.append(sums)
+            sums = sum_up(_SumUp(layout, theta, by, former is None))
+            sums.extent.check(layout, stack.free, allow_gaps=False)
             return sums.total if former is None else sums.total.with_matrix(former)
 
         start = np.full(stack.size, level_of(first))
         fitted = Passes(stack, over, loss, weights, least_scale(first)).run(start)
-        last = firsts[0]
-        count = int(last.extent.counts.sum())
-        nodes, crowds = None, 0
-        if loss != "gauss":
-            about, by = fitted.about, fitted.loss
-            last = sum_up(_SumUp(layout, about, by, True, False, grouping, True))
-            nodes, crowds = last.nodes, int(crowded(last.nodes).sum())
+        last = sum_up(_SumUp(layout, fitted.about, fitted.loss, True, grouping, True))
+        count, nodes = int(last.extent.counts.sum()), last.nodes
         spread = float(np.ptp(first))
         fit = result_of(layout, fitted, loss, count=count, spread=spread, nodes=nodes)
         wild = count - int(fitted.posterior.problem.count)
-        return StreamedFit(fit, count, wild, crowds, last.groups)
+        return StreamedFit(fit, count, wild, int(crowded(nodes).sum()), last.groups)
 
     with one_blas_thread():
         result, remark = attempt(loss), ""
@@ -158,7 +148,7 @@ class _Summed:
 
     Attributes:
         groups: Sums by group; all in group 0 without a grouping.
-        extent: How many readings there are and where, if asked for.
+        extent: How many readings there are and where.
         nodes: As `Judged.nodes`, if asked for.
     """
 
@@ -193,7 +183,6 @@ class _SumUp:
     theta: Float[np.ndarray, " u"]
     loss: Loss
     full: bool
-    extent: bool
     grouping: Grouping | None = None
     nodes: bool = False
 
@@ -202,7 +191,7 @@ class _SumUp:
         return functools.reduce(operator.add, pieces, _NOTHING)
 
     def _of(self, samples: Samples) -> _Summed:
-        extent = Extent.of(self.layout, samples) if self.extent else _NOWHERE
+        extent = Extent.of(self.layout, samples)
         stack, split = Stack((self.layout,)), {0: samples}
         former = None if self.full else Sums.empty(stack)
         if self.grouping is not None:

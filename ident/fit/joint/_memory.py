@@ -108,7 +108,7 @@ class Memory:
         count = len(self._believed)
         if not count or count * self.fit.design.size > _LARGE:
             return None
-        columns = [self.fit.design.columns[self._believed].toarray()]
+        columns = [self._columns]
         for lag in self.fit.lags.values():
             # What is left of a lag beside the columns, as large as they are.
             column = lag.direction[self._believed, None]
@@ -200,18 +200,20 @@ class Memory:
         return np.asarray(np.square(scores).sum(axis=0) * count / (count - 1.0))
 
     @cached_property
+    def _columns(self) -> Float[np.ndarray, "s n"]:
+        """Their columns."""
+        return np.asarray(self.fit.design.columns[self._believed].toarray())
+
+    @property
     def _runs(self) -> Float[np.ndarray, "s r"]:
         """Columns of where the runs stand."""
-        places = self.fit.design.places_of_rank(Rank.RUNS)
-        return np.asarray(self.fit.design.columns[self._believed][:, places].toarray())
+        return self._columns[:, self.fit.design.places_of_rank(Rank.RUNS)]
 
     @cached_property
     def _moves_under_rules(self) -> Float[np.ndarray, "s n"]:
         """How each of them moves the values under the rules."""
-        columns = self.fit.design.columns[self._believed].toarray()
-        moves = self.fit.estimate.posterior.factor.solve(
-            np.ascontiguousarray(columns.T)
-        )
+        columns = np.ascontiguousarray(self._columns.T)
+        moves = self.fit.estimate.posterior.factor.solve(columns)
         return np.asarray(self.fit.known.rules.project(moves).T)
 
 

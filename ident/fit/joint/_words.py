@@ -58,12 +58,9 @@ def words_of(
     axes: Iterable[Identified],
 ) -> tuple[tuple[Gauge, ...], tuple[Confusion, ...]]:
     """Return the freedoms of all axes, and what their rows cannot tell."""
-    gauges: list[Gauge] = []
-    confusions: list[Confusion] = []
-    for known in axes:
-        gauges += _gauges(known)
-        confusions += _confusions(known)
-    return tuple(gauges), tuple(confusions)
+    known = list(axes)
+    gauges = tuple(gauge for axis in known for gauge in _gauges(axis))
+    return gauges, tuple(words for axis in known for words in _confusions(axis))
 
 
 def _gauges(known: Identified) -> Iterator[Gauge]:

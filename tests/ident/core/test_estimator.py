@@ -9,7 +9,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import scipy.linalg
-import scipy.sparse as sp
 
 from axcomp.ident.core import (
     ArrowFactor,
@@ -61,10 +60,7 @@ def stack_of(name: str) -> Stack:
 
 
 def dense(stack: Stack, given: Readings) -> np.ndarray:
-    nodes, shares = stack.design(given)
-    result = np.zeros((len(given), stack.size))
-    np.add.at(result, (np.arange(len(given))[:, None], nodes), shares)
-    return result
+    return np.asarray(stack.matrix(given).toarray())
 
 
 def precision(stack: Stack, weights: np.ndarray) -> np.ndarray:
@@ -179,10 +175,7 @@ def test_the_loop_over_sparse_rows_gives_the_products_of_scipy(
     stack, given = stack_of(name), readings()
     theta = np.random.default_rng(5).normal(size=stack.size)
     expected, _ = sums_of(stack, given, theta, STUDENT)
-    nodes, shares = stack.design(given)
-    pointers = np.arange(len(shares) + 1) * shares.shape[1]
-    parts = (shares.reshape(-1), nodes.reshape(-1), pointers)
-    design = sp.csr_array(parts, shape=(len(shares), stack.size))
+    design = stack.matrix(given)
     monkeypatch.setattr("axcomp.ident.core._sums.MANY", 1)
     found, _ = sums_of(stack, given, theta, STUDENT, design=design)
     for part in ("diagonals", "cross", "border", "right"):
