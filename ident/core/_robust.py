@@ -14,7 +14,6 @@ from jaxtyping import Float
 
 from ._errors import NOT_DETERMINED, FitError
 from ._evidence import Spread, View, choose_weights, spread_of
-from ._factor import ArrowFactor
 from ._loss import FREEDOMS, LOSSES, WILD, Loss, choose_loss
 from ._posterior import Posterior, Problem
 from ._readings import Readings
@@ -151,9 +150,7 @@ class Estimate:
         post = self.posterior
         problem = dataclasses.replace(post.problem, times=times * post.problem.times)
         fewer = problem.at(post.weights) if self.stated else choose_weights(problem)
-        if fewer is None:
-            raise FitError(NOT_DETERMINED)
-        return dataclasses.replace(self, posterior=fewer)
+        return dataclasses.replace(self, posterior=_known(fewer))
 
     def message(self, count: int) -> str:
         """Return one sentence or more on how the fit of so many readings went."""
@@ -215,10 +212,10 @@ class Passes:
             choose_loss(self.loss, np.ones(1), 1.0, 1.0)
         if near is not None and near.loss != Loss():
             matrix = self.over(near.values, near.loss, None)
-            problem = self._problem(matrix, near.values)
+            problem = Problem.of(matrix, near.values, pins=self.pins)
             post = near.posterior
             weights = post.weights if self.weights is None else self.weights(problem)
-            post = self._solved(problem, weights)
+            post = _known(problem.at(weights))
             return self._robust(post, float(matrix.tally[0]), searches=1)
         theta = np.zeros(self.stack.size) if start is None else start
         matrix = self.over(theta, Loss(), None)
@@ -231,9 +228,10 @@ class Passes:
         size, count = matrix.sizes
         scale = choose_loss("gauss", size, 1.0, self.floor, count).scale
         tolerant = self.over(theta, Loss(scale, corner=WILD), matrix)
-        problem, total = self._problem(tolerant, theta), float(matrix.tally[0])
+        problem = Problem.of(tolerant, theta, pins=self.pins)
+        total = float(matrix.tally[0])
         try:
-            first = self._robust(self._solved(problem, self._light(problem)), total)
+            first = self._robust(_known(problem.at(self._light(problem))), total)
         except FitError:
             first = None  # a run so far off that none of its readings is believed
         if first is not None:
@@ -253,15 +251,12 @@ class Passes:
         return other if more and other.noise < 0.5 * first.noise else first
 
     def _least_squares(self, matrix: Sums, theta: Vector) -> Posterior:
-        problem = self._problem(matrix, theta)
+        problem = Problem.of(matrix, theta, pins=self.pins)
         # About the values themselves the sums keep all their digits.
-        problem = self._solved(problem, self._light(problem)).about()
+        problem = _known(problem.at(self._light(problem))).about()
         if self.weights is None:
-            return self._chosen(problem, None)
-        return self._solved(problem, self.weights(problem))
-
-    def _problem(self, sums: Sums, theta: Vector, gain: float = 1.0) -> Problem:
-        return Problem.of(sums, theta, gain, self.pins)
+            return _known(choose_weights(problem))
+        return _known(problem.at(self.weights(problem)))
 
     def _robust(self, post: Posterior, active: float, searches: int = 0) -> Estimate:
         """Pass until nothing moves; ``active`` readings made the matrix of the posterior."""
@@ -288,9 +283,9 @@ class Passes:
                 active = float(sums.tally[0])
             factor = None if full else post.factor
             gain = max(float(sums.tally[1] / max(sums.tally[0], 1.0)), 0.1)
-            problem = self._problem(sums, about, gain)
+            problem = Problem.of(sums, about, gain, self.pins)
             weights = post.weights if self.weights is None else self.weights(problem)
-            post = self._solved(problem, weights, factor)
+            post = _known(problem.at(weights, factor))
             trail = [*trail[-1:], (about, post.values - about)]
             step = self._step(post)
             moved = self._moved(sums, post.values - about)
@@ -298,7 +293,7 @@ class Passes:
             limit = 1 if self.rough else _SEARCHES
             if converged and self.weights is None and searches < limit:
                 before = post.values
-                post = self._chosen(problem, post if searches else None)
+                post = _known(choose_weights(problem, post if searches else None))
                 searches += 1
                 trail = []
                 converged = self._moved(sums, post.values - before) <= _SAME * step
@@ -332,21 +327,6 @@ class Passes:
         second = problem.density * (1e-2 if plenty else 1.0)
         return np.where(problem.stack.optional, 0.0, second)
 
-    def _solved(
-        self, problem: Problem, weights: Vector, factor: ArrowFactor | None = None
-    ) -> Posterior:
-        post = problem.at(weights, factor)
-        if post is None:
-            raise FitError(NOT_DETERMINED)
-        return post
-
-    def _chosen(self, problem: Problem, near: Posterior | None) -> Posterior:
-        post = choose_weights(problem, near)
-        if post is None:
-            msg = "no smoothness gives a table: the readings are degenerate."
-            raise FitError(msg)
-        return post
-
 
 def _ahead(trail: list[tuple[Vector, Vector]], post: Posterior) -> Vector:
     """Return where the next pass begins: where passes of a steady rate would come to rest.
@@ -371,3 +351,9 @@ def _ahead(trail: list[tuple[Vector, Vector]], post: Posterior) -> Vector:
     size, reach = (float(np.sqrt(max(square, 0.0))) for square in squares)
     part = min(1.0, _FURTHEST * reach / max(size, 1e-300))
     return np.asarray(post.values - ahead * part)
+
+
+def _known(post: Posterior | None) -> Posterior:
+    if post is None:
+        raise FitError(NOT_DETERMINED)
+    return post
