@@ -76,10 +76,8 @@ class _Chain:
 
     def gather(self, columns: Float[np.ndarray, "t k"]) -> Float[np.ndarray, "u k"]:
         """Return the sums of the readings at each instant."""
-        result = np.empty((self.size, columns.shape[1]))
-        for k, column in enumerate(columns.T):
-            result[:, k] = np.bincount(self.index, column, self.size)
-        return result
+        sums = [np.bincount(self.index, column, self.size) for column in columns.T]
+        return np.reshape(sums, (-1, self.size)).T
 
 
 def _chain(time: Float[np.ndarray, " t"]) -> _Chain:

@@ -99,7 +99,7 @@ class Problem:
             factor: Of the same matrix, where one is known.
         """
         sums, slope = self.sums, self.held * self.theta
-        for weight, term in self._terms(weights):
+        for weight, term in self.terms(weights):
             slope += weight * (term.gram @ self.theta)
         factor = self._factor(weights) if factor is None else factor
         if factor is None:
@@ -130,7 +130,7 @@ class Problem:
     def prior(self, weights: Vector) -> sp.csr_array:
         """Return the precision of the prior for these weights."""
         total: Any = sp.csr_array(sp.diags_array(self.held))
-        for weight, term in self._terms(weights):
+        for weight, term in self.terms(weights):
             total = total + weight * term.gram
         return total
 
@@ -138,14 +138,14 @@ class Problem:
         """Return information + prior precision, both triangles."""
         return sp.csr_array(self.sums.matrix + self.prior(weights))
 
-    def _terms(self, weights: Vector) -> list[tuple[float, Term]]:
+    def terms(self, weights: Vector) -> list[tuple[float, Term]]:
         """Return the terms of the prior that have a weight, each with it."""
         terms = zip(weights.tolist(), self.stack.terms, strict=True)
         return [(w, t) for w, t in terms if w > 0.0]
 
     def _factor(self, weights: Vector) -> ArrowFactor | None:
         stack, sums = self.stack, self.sums
-        terms = self._terms(weights)
+        terms = self.terms(weights)
         n = stack.band
         reach = [max(stack.offsets)]
         reach += [max(t.distances, default=0) for _, t in terms if not t.border]
@@ -219,22 +219,16 @@ class Posterior:
         return noise + self.factor.logdet - prior
 
     @cached_property
-    def _offsets(self) -> list[int]:
-        """Diagonals of the inverse over the band that anything asks for."""
-        stack, used = self.problem.stack, {0}
-        width = self.factor.band.shape[1]
-        used |= {k for k in stack.offsets if k < width}
-        for weight, term in zip(self.weights, stack.terms, strict=True):
-            if weight > 0.0 and not term.border:
-                used |= term.distances
-        return sorted(used)
-
-    @cached_property
     def _selected(self) -> tuple[Float[np.ndarray, "n s"], Int[np.ndarray, " w"]]:
-        """Elements of the inverse over the band, and where each diagonal stands."""
-        slots = np.zeros(self._offsets[-1] + 1, np.int64)
-        slots[self._offsets] = np.arange(len(self._offsets))
-        return self.factor.selected(self._offsets), slots
+        """Diagonals of the inverse over the band that are asked for, and where each stands."""
+        stack, width = self.problem.stack, self.factor.band.shape[1]
+        used = {0, *(k for k in stack.offsets if k < width)}
+        for _, term in self.problem.terms(self.weights):
+            used |= set() if term.border else term.distances
+        offsets = sorted(used)
+        slots = np.zeros(offsets[-1] + 1, np.int64)
+        slots[offsets] = np.arange(len(offsets))
+        return self.factor.selected(offsets), slots
 
     @cached_property
     def traces(self) -> Vector:
@@ -285,7 +279,7 @@ class Posterior:
         stack = self.problem.stack
         if stack.band:
             (selected, slots), size = self._selected, stack.band
-            known = [k for k in offsets if k in self._offsets]
+            known = [k for k in offsets if k < self.factor.band.shape[1]]
             lower = {k: selected[: size - k, slots[k]] for k in known}
         else:
             inverse = self.factor.border_inverse[stack.here(0), stack.here(0)]
