@@ -118,19 +118,27 @@ def fit_streamed(
         return total
 
     def attempt(loss: str) -> StreamedFit:
+        firsts: list[_Summed] = []
+
         def over(theta: Float[np.ndarray, " u"], by: Loss, former: Sums | None) -> Sums:
-            sums = sum_up(_SumUp(layout, theta, by, former is None))
-            sums.extent.check(layout, stack.free, allow_gaps=False)
+            groups = None if firsts else grouping
+            sums = sum_up(_SumUp(layout, theta, by, former is None, groups))
+            if not firsts:
+                sums.extent.check(layout, stack.free, allow_gaps=False)
+                firsts.append(sums)
             return sums.total if former is None else sums.total.with_matrix(former)
 
         start = np.full(stack.size, level_of(first))
         fitted = Passes(stack, over, loss, weights, least_scale(first)).run(start)
-        last = sum_up(_SumUp(layout, fitted.about, fitted.loss, True, grouping, True))
-        count, nodes = int(last.extent.counts.sum()), last.nodes
-        spread = float(np.ptp(first))
+        last, nodes, crowds = firsts[0], None, 0
+        if loss != "gauss":
+            about, by = fitted.about, fitted.loss
+            last = sum_up(_SumUp(layout, about, by, True, grouping, True))
+            nodes, crowds = last.nodes, int(crowded(last.nodes).sum())
+        count, spread = int(last.extent.counts.sum()), float(np.ptp(first))
         fit = result_of(layout, fitted, loss, count=count, spread=spread, nodes=nodes)
         wild = count - int(fitted.posterior.problem.count)
-        return StreamedFit(fit, count, wild, int(crowded(nodes).sum()), last.groups)
+        return StreamedFit(fit, count, wild, crowds, last.groups)
 
     with one_blas_thread():
         result, remark = attempt(loss), ""
