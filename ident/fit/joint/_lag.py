@@ -16,10 +16,9 @@ from jaxtyping import Bool, Float, Int
 from scipy.optimize import minimize_scalar
 from scipy.special import comb
 
-from ..._recording import JointData, clocked, lagged
+from ..._recording import clocked, lagged
 from ...core import Estimate, FitError, Loss, Posterior, Readings, sums_of
 from ._design import Design
-from ._effect import AbstractEffect
 
 _GRID, _SWEEPS, _FINE = 14, 3, 1e-4
 """Lags that are tried first; sweeps over several sensors; logarithm at which a search ends."""
@@ -164,14 +163,15 @@ def _evidence(
 
 def lagging(design: Design, lags: Mapping[str, float]) -> Design:
     """Return a design with other lags by sensor: only the columns of temperatures change."""
+    effects = tuple(effect.lagging(lags) for effect in design.effects)
+    blocks = [effect.block(design.data) for effect in effects if effect.sensor_names]
+    heated: Any = sp.hstack([block.columns[design.rows] for block in blocks])
     places, others = _heated_places(design), np.ones(design.size)
     others[places] = 0.0
     ones = np.ones(len(places)), (np.arange(len(places)), places)
     scatter = sp.csr_array(ones, shape=(len(places), design.size))
-    heated: Any = sp.csr_array(_heated(design, design.data, lags)) @ scatter
-    columns = sp.csr_array(design.columns @ sp.diags_array(others) + heated)
+    columns = sp.csr_array(design.columns @ sp.diags_array(others) + heated @ scatter)
     columns.eliminate_zeros()
-    effects = tuple(effect.lagging(lags) for effect in design.effects)
     return dataclasses.replace(design, effects=effects, columns=columns)
 
 
@@ -183,11 +183,11 @@ def _with_deviations(
 ) -> dict[str, FoundLag]:
     """Return the lags with their deviations: as further columns, linear near the best ones."""
     delayed = [sensor for sensor, lag in lags.items() if lag > 0.0]
-    heated, change = _heated_places(design), np.zeros((len(design.rows), len(delayed)))
+    change = np.zeros((len(design.rows), len(delayed)))
     for k, sensor in enumerate(delayed):
         ends = [lags[sensor] * (1.0 + sign * _STEP) for sign in (1.0, -1.0)]
-        columns = (_heated(design, design.data, {**lags, sensor: e}) for e in ends)
-        later, sooner = (block @ post.values[heated] for block in columns)
+        designs = (lagging(design, {**lags, sensor: end}) for end in ends)
+        later, sooner = (each.columns @ post.values for each in designs)
         change[:, k] = (later - sooner) / (ends[0] - ends[1])
     moves = change * active[:, None]
     response = post.factor.solve(np.asarray(design.columns.T @ moves))
@@ -216,14 +216,14 @@ def sensed_variances(
     lags = {sensor: lag.value for sensor, lag in fitted.items() if lag.value > 0.0}
     if not lags:
         return {}
-    data, heated, result = design.data, _heated_places(design), {}
-    rng = np.random.default_rng(0)
+    data, rng, result = design.data, np.random.default_rng(0), {}
     for sensor, lag in lags.items():
         warmth = data.temperature[sensor]
         sensed = clocked(np.asarray(data.time, float), warmth)
         ends = ({**data.temperature, sensor: warmth + k} for k in (_SHIFT, -_SHIFT))
         shifted = (dataclasses.replace(data, temperature=end) for end in ends)
-        above, below = (_heated(design, end, lags) @ theta[heated] for end in shifted)
+        designs = (dataclasses.replace(design, data=end) for end in shifted)
+        above, below = (lagging(each, lags).columns @ theta for each in designs)
         direction = np.where(active, fitted[sensor].direction, 0.0)
         influence = np.zeros(len(data))
         influence[design.rows] = direction * (above - below) / (2.0 * _SHIFT)
@@ -258,21 +258,6 @@ def lag_variances(
     return np.asarray((vectors**2 / np.maximum(values, _SEEN)).sum(axis=1) / scale**2)
 
 
-def _heated(
-    design: Design, data: JointData, lags: Mapping[str, float]
-) -> Float[np.ndarray, "r k"]:
-    """Return the columns of the temperatures for trial lags."""
-    blocks = []
-    for effect in (effect.lagging(lags) for effect in _warm(design)):
-        inputs = [column[design.rows] for column in effect.columns_of(data)]
-        # A temperature touches all values of its law in every row.
-        blocks.append(effect.rows(inputs)[1])
-    return np.hstack(blocks)
-
-
-def _warm(design: Design) -> list[AbstractEffect]:
-    return [effect for effect in design.effects if effect.sensor_names]
-
-
 def _heated_places(design: Design) -> Int[np.ndarray, " k"]:
-    return np.concatenate([design.places_of(effect.name) for effect in _warm(design)])
+    warm = [effect.name for effect in design.effects if effect.sensor_names]
+    return np.concatenate([design.places_of(name) for name in warm])
