@@ -104,8 +104,9 @@ def leave_one_out(
         gain = max(float(total.tally[1] / max(total.tally[0], 1.0)), 0.1)
         problem = Problem.of(total, theta, gain, pins.get(label))
         if label in zeros:
-            pinned, total = len(zeros[label]), total.zeroed(theta, zeros[label], gain)
-            problem = dataclasses.replace(problem, sums=total, pinned=pinned)
+            total, theta = total.zeroed(theta, zeros[label], gain)
+            problem = dataclasses.replace(problem, sums=total, theta=theta)
+            problem = dataclasses.replace(problem, pinned=len(zeros[label]))
         times = estimate.posterior.problem.times
         post = dataclasses.replace(problem, times=times).at(estimate.posterior.weights)
         if post is None:

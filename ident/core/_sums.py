@@ -147,19 +147,17 @@ class Sums:
 
     def zeroed(
         self, theta: Vector, rows: Float[np.ndarray, "q m"], gain: float
-    ) -> "Sums":
-        """Return the sums with readings that say 0, of given shares in the border.
+    ) -> tuple["Sums", Vector]:
+        """Return sums with readings that say 0, by shares in the border, and the θ they are about.
 
         They hold what no other reading determines: neither counted nor judged, as they fit exactly.
         """
-        n = self.stack.band
+        n, step = self.stack.band, np.zeros_like(theta)
+        step[n:] = -np.linalg.pinv(rows) @ (rows @ theta[n:])
         weight = _CERTAIN * float(np.diag(self.border).mean())
-        change = gain * weight * (rows.T @ (rows @ theta[n:]))
-        tally = self.tally.copy()
-        tally[2] += gain * float(theta[n:] @ change)
-        right = np.concatenate([self.right[:n], self.right[n:] - change])
         border = self.border + weight * (rows.T @ rows)
-        return dataclasses.replace(self, border=border, right=right, tally=tally)
+        moved = dataclasses.replace(self.moved(step, gain), border=border)
+        return moved, theta + step
 
     @property
     def sizes(self) -> tuple[Float[np.ndarray, " k"], Int[np.ndarray, " k"]]:
