@@ -121,8 +121,8 @@ def fit_remarks(
         yield Remark.warning(f"Readings contradict their surroundings at {words}")
     yield from run_remarks(draft)
     if not fit.runs and draft.run_effects == "none":
-        places = np.unique(draft.readings.positions.round(2), axis=0)
-        if count <= _SPARSE * min(fit.support.size, len(places)):
+        read_at = np.unique(draft.readings.positions.round(2), axis=0)
+        if count <= _SPARSE * min(fit.support.size, len(read_at)):
             clause = "is not in the standard deviations"
             if fit.line_offset:
                 clause = (

@@ -158,7 +158,7 @@ class Scene:
             }
             channel = dataclasses.replace(self, changes=moved).channel(use, use.axis)
             columns.append(channel.column(channel.plain))
-        return np.array_equal(*columns)
+        return np.array_equal(columns[0], columns[1])
 
     def target(self, use: InUse, axis: int) -> Target:
         """Return the change of an axis as what a compensation may have added to it.
