@@ -554,6 +554,24 @@ def test_a_law_that_bends_is_no_drift(tmp_path: Path) -> None:
     assert not any("drifted" in each.message for each in said)
 
 
+@pytest.mark.parametrize("bend", [0.0, 1.0])
+def test_growth_that_is_no_line_over_the_axis_is_told(
+    tmp_path: Path, bend: float
+) -> None:
+    # 11 µm/m/K at the end of the travel, and less before it: a line misses by 4 µm.
+    rng, time = np.random.default_rng(2), 60.0 * np.arange(360)
+    cooling = np.maximum(time - 0.5 * time[-1], 0.0)
+    warm = 8.0 * (1.0 - np.exp(-(time - cooling) / 3000.0)) * np.exp(-cooling / 3000.0)
+    place = np.linspace(0.0, 400.0, 5)[np.arange(360) % 5]
+    error = GROWTH * warm * place * (place / 400.0) ** bend
+    error += NOISE * rng.normal(size=360)
+    sensor = 20.0 + warm + 0.02 * rng.normal(size=360)
+    write(tmp_path, ("t", "x", "e", "frame"), (time, place, error, sensor))
+    said = [each.message for each in run(tmp_path, keys='sensor = "frame"').remarks]
+    told = [each for each in said if "does not grow in proportion" in each]
+    assert len(told) == bend
+
+
 def test_a_few_readings_of_a_warm_up_alone_may_be_a_drift_too(tmp_path: Path) -> None:
     only_rising(tmp_path, count=30)
     keys = 'sensors = { offset = "frame" }\nlag = "none"'

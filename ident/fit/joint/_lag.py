@@ -187,7 +187,7 @@ def _with_deviations(
     for k, sensor in enumerate(delayed):
         ends = [lags[sensor] * (1.0 + sign * _STEP) for sign in (1.0, -1.0)]
         designs = (lagging(design, {**lags, sensor: end}) for end in ends)
-        later, sooner = (each.columns @ post.values for each in designs)
+        later, sooner = (_heat(each, post.values) for each in designs)
         change[:, k] = (later - sooner) / (ends[0] - ends[1])
     moves = change * active[:, None]
     response = post.factor.solve(np.asarray(design.columns.T @ moves))
@@ -223,7 +223,7 @@ def sensed_variances(
         ends = ({**data.temperature, sensor: warmth + k} for k in (_SHIFT, -_SHIFT))
         shifted = (dataclasses.replace(data, temperature=end) for end in ends)
         designs = (dataclasses.replace(design, data=end) for end in shifted)
-        above, below = (lagging(each, lags).columns @ theta for each in designs)
+        above, below = (_heat(lagging(each, lags), theta) for each in designs)
         direction = np.where(active, fitted[sensor].direction, 0.0)
         influence = np.zeros(len(data))
         influence[design.rows] = direction * (above - below) / (2.0 * _SHIFT)
@@ -261,3 +261,9 @@ def lag_variances(
 def _heated_places(design: Design) -> Int[np.ndarray, " k"]:
     warm = [effect.name for effect in design.effects if effect.sensor_names]
     return np.concatenate([design.places_of(name) for name in warm])
+
+
+def _heat(design: Design, theta: Vector) -> Float[np.ndarray, " r"]:
+    """Return what the temperatures add to each reading: of all, a small change would be lost."""
+    places = _heated_places(design)
+    return np.asarray(design.columns[:, places] @ theta[places])

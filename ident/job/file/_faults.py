@@ -24,7 +24,7 @@ from ._schema import (
     Verify,
 )
 
-_TYPE = re.compile("str|int|float|bool|list|constrained|literal|Column")
+_TYPE = re.compile(r"str|int|float|bool|list|constrained|literal|Column|\[key\]")
 """How branches of a union begin: "str", "float", "ColumnChoice", "constrained-float", …"""
 
 
@@ -158,7 +158,9 @@ def _clean(loc: tuple[int | str, ...], values: dict[str, Any]) -> KeyPath:
 
 def _expected(message: str) -> str:
     """Return what pydantic expected, in the words of TOML."""
-    expected = message.removeprefix("Input should be ").replace("a valid ", "")
+    for begin in ("Input should be ", "String should have "):
+        message = message.removeprefix(begin)
+    expected = message.replace("a valid ", "")
     return "a table" if expected.startswith("dictionary or instance") else expected
 
 

@@ -4,6 +4,7 @@ import contextlib
 import datetime
 import functools
 import operator
+import re
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
@@ -26,7 +27,7 @@ else:
         functools.reduce(operator.or_, (kind(name).keys for name in NAMES)),
         Field(discriminator="compensation"),
     ]
-Number = Annotated[int, Field(ge=1, le=65535)]
+Number = Annotated[int, Field(ge=1, le=65534)]
 Range = Annotated[list[float], Field(min_length=2, max_length=2)]
 
 
@@ -35,6 +36,16 @@ def _plain(name: str) -> str:
     # encoding there is refused here, not written and misread.
     if not name.isascii() or not name.isprintable() or set(name) & set("#();\"'/*{}"):
         msg = "expected a name of plain ASCII letters, digits, blanks, '_' and '-'"
+        raise ValueError(msg)
+    return name
+
+
+def _begins_roles(name: str) -> str:
+    if re.fullmatch(r"[A-Za-z_][A-Za-z0-9_-]*", name) is None:
+        msg = (
+            "expected a letter, and then letters, digits, '_' and '-' alone: the roles of columns"
+            ' begin with it, as in "X.position"'
+        )
         raise ValueError(msg)
     return name
 
@@ -81,9 +92,12 @@ class Axis(JobPart, frozen=True):
 
     number: Number
     """Logical number of the axis (`kopf.achs_nr`). Example: `3`."""
-    name: Annotated[str, Field(min_length=1), AfterValidator(_plain)] | None = None
-    """Name of the axis in its list (`kopf.log_achs_name`), for people only; left out:
-    the key. Example: `"Z_ACHSE"`."""
+    name: (
+        Annotated[str, Field(min_length=1, max_length=16), AfterValidator(_plain)]
+        | None
+    ) = None
+    """Name of the axis in its list (`kopf.log_achs_name`), for people only; left out: the
+    first 16 letters of the key. Example: `"Z_ACHSE"`."""
     nc_name: Annotated[str, Field(pattern=f"^{AXIS_WORD}$")] | None = None
     """Word of the axis in NC programs, as the channel calls it: A, B, C, Q or U to Z, then up to
     15 letters and digits; left out: the key. Example: `"X1"`."""
@@ -310,7 +324,9 @@ class JobFile(JobPart, frozen=True):
     """Which machine it is."""
     controller: Controller = Controller()
     """The controller that will load the lists."""
-    axes: Annotated[dict[str, Axis], Field(min_length=1)]
+    axes: Annotated[
+        dict[Annotated[str, AfterValidator(_begins_roles)], Axis], Field(min_length=1)
+    ]
     """The axes, by the name that the job uses for them."""
     measurements: Annotated[dict[str, MeasurementSpec], Field(min_length=1)]
     """The measurements, by a name of your choice."""

@@ -224,7 +224,7 @@ def _listing(
     """Return the compensation list of an axis, edited or new, and what changed in it."""
     axis, existing = drafts[0].axis, drafts[0].lists.compensation
     spec = job.spec.axes[axis]
-    name, file = spec.name or axis, compensation_file(spec.number)
+    name, file = spec.name or axis[:16], compensation_file(spec.number)
     edited = with_tables(
         existing,
         spec.number,

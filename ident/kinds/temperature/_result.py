@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 from jaxtyping import Float
+from numpy.polynomial.legendre import legvander
 
 from ...core import FitError, regress
 from ...job.result._result import AbstractResult, Expectation, Remark
@@ -47,7 +48,10 @@ _MEETINGS: Mapping[Meeting, str] = {
 }
 _UNSURE: set[Meeting] = {"two sensors", "not one point", "uncertain", "no offset"}
 """What a person should know before the line is used."""
-_FEW = 3.0
+_BENDS, _BENT = 4, 2.0
+"""Highest order of a growth that bends along the axis; scatter of a reading from which on it is
+told."""
+_FILTER = 3.0
 """Samples up to which a lag says nothing of the unit of the time."""
 _RULE = "temperature_sign"
 _SIGN = Remark.warning(
@@ -195,6 +199,7 @@ def remarks_of(draft: "TemperatureDraft") -> Iterator[Remark]:
     if fit.missed:
         yield Remark.info(f"{fit.missed} readings were missed or incomplete.")
     yield from _undetermined(draft)
+    yield from _bent(draft)
     if draft.written:
         yield from _state(draft)
         if _RULE not in draft.job.verified:
@@ -237,7 +242,7 @@ def _too_quick(draft: "TemperatureDraft") -> Iterator[Remark]:
     spans = {"The measurement lasts": float(np.ptp(fit.data.time))}
     if draft.fit.lag == "auto":
         # A lag of a few samples is what takes the noise of a sensor off.
-        least = _FEW * float(np.median(np.diff(np.unique(fit.data.time))))
+        least = _FILTER * float(np.median(np.diff(np.unique(fit.data.time))))
         spans |= {
             f"The lag behind {g.sensor} is": g.time_constant
             for g in fit.lags
@@ -420,6 +425,44 @@ def _bends(
         hats = np.eye(len(longest))[1:-1]
         bends = [np.interp(at, longest, hat) for hat in hats]
         yield np.array(bends).reshape(-1, len(at)).T
+
+
+def _bent(draft: "TemperatureDraft") -> Iterator[Remark]:
+    """Return that the axis does not grow in proportion to the distance, and how far a line errs.
+
+    By Legendre polynomials over the measured range; what is the same at all temperatures is
+    the tables'.
+    """
+    fit, place = draft.found, draft.found.position
+    if place is None or not np.ptp(place):
+        return
+    order = min(_BENDS, len(np.unique(place.round(2))) - 1)
+    ends = place.min(), np.ptp(place)
+    still = legvander(2.0 * (place - ends[0]) / ends[1] - 1.0, order)
+    sensor = fit.line.sensors.get("coefficient", fit.sensors[0])
+    warm = fit.structure[:, fit.sensors.index(sensor)]
+    change = (warm - warm.mean())[:, None]
+    sound = ~fit.wild & np.isfinite(fit.error)
+    try:
+        columns = np.hstack([change * still, still])
+        found = regress(columns[sound], fit.error[sound], time=fit.data.order[sound])
+    except FitError:  # fewer readings than that
+        return
+    share = np.linspace(-1.0, 1.0, 21)
+    bends = legvander(share, order)[:, 2:]
+    curve = bends @ found.coefficients[2 : order + 1]
+    spread = bends @ found.covariance[2 : order + 1, 2 : order + 1] @ bends.T
+    worst = int(np.argmax(np.abs(curve)))
+    most = float(abs(curve[worst]) * np.abs(change).max())
+    sure = abs(curve[worst]) > _SURE * np.sqrt(spread[worst, worst])
+    if sure and most > _BENT * float(np.std(found.residual[~found.wild])):
+        at = ends[0] + 0.5 * (share[worst] + 1.0) * ends[1]
+        yield Remark.warning(
+            f"{draft.axis} does not grow in proportion to the distance: a line, which is all that"
+            f" the controller has, is off by up to {1e3 * most:.2g} µm about {draft.axis} ="
+            f" {at:.4g}. Look at how scale and guides are held; take the temperature of the part"
+            " of the axis that is worked on."
+        )
 
 
 def _alike(fit: TemperatureFit) -> Iterator[Remark]:
