@@ -285,7 +285,8 @@ class Posterior:
             inverse = self.factor.border_inverse[stack.here(0), stack.here(0)]
             lower = {k: np.diagonal(inverse, k) for k in offsets if k < len(inverse)}
         both = lower | {-k: diagonal for k, diagonal in lower.items()}
-        return sp.csr_array(sp.diags_array([*both.values()], offsets=[*both]))
+        places: Any = [*both]
+        return sp.csr_array(sp.diags_array([*both.values()], offsets=places))
 
     def about(self) -> Problem:
         """Return the problem of the same sums about these values, so that digits are kept."""

@@ -16,6 +16,7 @@ same prior for as large a noise.
 """
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -173,7 +174,8 @@ def _half_way(
     along = int(np.abs(np.diff(unknown, axis=1 - across).flat[0]))
     same = np.full(table.size, offset**2)
     more = [same[along:], same + table.to_values(gain), same[along:]]
-    shared = sp.diags_array(more, offsets=[-along, 0, along])
+    places: Any = [-along, 0, along]
+    shared = sp.diags_array(more, offsets=places)
     size = offset / fit.noise
     way = f", and the table goes {fraction:.0%} of the way from the smooth surface to each reading"
     message = (

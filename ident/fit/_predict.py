@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -38,7 +39,8 @@ def predict(
         FitError: If a table with two directions is asked without any.
     """
     rows = _rows(fit.layout, positions, branch)
-    variance = (rows @ fit.covariance).multiply(rows).sum(axis=1)
+    moved: Any = rows @ fit.covariance
+    variance = moved.multiply(rows).sum(axis=1)
     mean = rows @ fit.layout.to_values(fit.values)
     return mean, np.sqrt(np.maximum(variance, 0.0))
 

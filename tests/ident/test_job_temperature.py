@@ -544,7 +544,7 @@ def test_a_law_that_bends_is_no_drift(tmp_path: Path) -> None:
     rng, time = np.random.default_rng(0), 60.0 * np.arange(360)
     cooling = np.maximum(time - 0.5 * time[-1], 0.0)
     warm = 8.0 * (1.0 - np.exp(-(time - cooling) / 3000.0)) * np.exp(-cooling / 3000.0)
-    lagged = lfilter([1.0 - np.exp(-0.1)], [1.0, -np.exp(-0.1)], warm)
+    lagged = np.asarray(lfilter([1.0 - np.exp(-0.1)], [1.0, -np.exp(-0.1)], warm))
     place = np.linspace(0.0, 400.0, 5)[np.arange(360) % 5]
     error = 0.02 * (lagged / 8.0) ** 2 + GROWTH * lagged * place
     error += NOISE * rng.normal(size=360)

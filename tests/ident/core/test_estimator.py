@@ -235,7 +235,8 @@ def test_posterior_and_evidence_are_those_of_dense_algebra(name: str) -> None:
     used = np.trace(inverse @ (matrix - prior))
     assert found.used == pytest.approx(float(used), abs=1e-5)
     rows = Stack(stack.effects[:1]).matrix(given)
-    own = (rows @ found.covariance(stack.offsets)).multiply(rows).sum(axis=1)
+    moved: Any = rows @ found.covariance(stack.offsets)
+    own = moved.multiply(rows).sum(axis=1)
     table = dense(Stack(stack.effects[:1]), given)
     band = inverse[: stack.band, : stack.band]
     np.testing.assert_allclose(
