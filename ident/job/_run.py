@@ -178,7 +178,8 @@ def _write(
         folder.keep(name)
     folder.keep_drawings()
     # Where the run is stopped, no page of other lists stands beside these.
-    (folder.root / REPORT).unlink(missing_ok=True)
+    with contextlib.suppress(OSError):
+        (folder.root / REPORT).unlink()
     axes = []
     for axis in files:
         contents = {name: listing.dumps() for name, listing in axis.lists}

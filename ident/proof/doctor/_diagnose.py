@@ -108,18 +108,18 @@ def _but_for_the_machine(use: InUse, scene: Scene, diagnosis: Diagnosis) -> Diag
     set up anew one over its masters', and a screw that wore lies apart by directions, which a
     list that knows none cannot make.
     """
+    if diagnosis.verdict == "right":
+        return diagnosis
     change = scene.changes[use.axis]
     linear = change.positions.keys() - scene.reading.modulo
     own, over = {use.axis} & linear, {*use.masters} & linear - {use.axis}
     column = scene.columns[use.axis, use.name]
-    places = [np.ones(len(column)), *(change.positions[k] for k in over)]
-    plain = np.stack(places, axis=1)
-    if np.std(column - plain @ np.linalg.lstsq(plain, column)[0]) < _BENT * np.std(
-        column
-    ):
-        over = set[
-            int
-        ]()  # most of the list is a slope itself: turned round it is another
+    plain = [np.ones(len(column)), *(change.positions[each] for each in over)]
+    slopes = np.stack(plain, axis=1)
+    bent = column - slopes @ np.linalg.lstsq(slopes, column)[0]
+    if np.std(bent) < _BENT * np.std(column):
+        # Most of the list is a slope itself: one beside it may be the list turned round.
+        over.clear()
     beside = [
         (scene.with_free(use.axis, [change.positions[k] for k in sorted(axes)]), words)
         for axes, words in (
@@ -132,8 +132,6 @@ def _but_for_the_machine(use: InUse, scene: Scene, diagnosis: Diagnosis) -> Diag
     if way is not None and np.ptp(way) and scene.alike_both_ways(use):
         words = "a difference of the directions that no list adds (backlash?)"
         beside.append((scene.with_free(use.axis, [way.astype(float)]), words))
-    if diagnosis.verdict == "right":
-        return diagnosis
 
     def left(scene: Scene) -> float:
         found = search(scene.channel(use, use.axis), scene.target(use, use.axis))
