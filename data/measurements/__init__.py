@@ -87,6 +87,7 @@ from ._moving import (
 from ._problems import problems_of as problems_of
 from ._read import read_table as read_table
 from ._roles import (
+    AXIS_NAME as AXIS_NAME,
     KINDS as KINDS,
     ColumnSpec as ColumnSpec,
     Role as Role,

@@ -22,7 +22,8 @@ KINDS: dict[str, tuple[str, ...]] = {
 }
 """Kinds of role that an axis has, with the dimensions that their units may have."""
 
-_AXIS = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")
+AXIS_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")
+"""What a role begins with: the name of an axis."""
 _EXPECTED = "time, run, temperature.<sensor> or <axis>.<kind> with kind " + ", ".join(
     KINDS
 )
@@ -122,7 +123,7 @@ def find_role(text: str) -> Role | None:
     if text in ("time", "run"):
         return Role(text)
     head, dot, tail = text.partition(".")
-    if not dot or not tail or not _AXIS.fullmatch(head):
+    if not dot or not tail or not AXIS_NAME.fullmatch(head):
         return None
     if head == "temperature":
         return Role("temperature", sensor=tail)
@@ -139,7 +140,7 @@ def role(text: str, source: str) -> Role:
     if result is not None:
         return result
     head, dot, tail = text.partition(".")
-    if dot and _AXIS.fullmatch(head) and head != "temperature":
+    if dot and AXIS_NAME.fullmatch(head) and head != "temperature":
         close = f"{head}.{nearest(tail, KINDS)}"
     else:
         close = nearest(

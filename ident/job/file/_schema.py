@@ -4,14 +4,13 @@ import contextlib
 import datetime
 import functools
 import operator
-import re
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from jaxtyping import Float
 from pydantic import AfterValidator, Field
 
-from ....data.measurements import ColumnSpec, Lines
+from ....data.measurements import AXIS_NAME, ColumnSpec, Lines
 from ....data.units import small_unit
 from ...diagnosis import AXIS_WORD
 from ...kinds import NAMES, kind
@@ -41,7 +40,7 @@ def _plain(name: str) -> str:
 
 
 def _begins_roles(name: str) -> str:
-    if re.fullmatch(r"[A-Za-z_][A-Za-z0-9_-]*", name) is None:
+    if AXIS_NAME.fullmatch(name) is None:
         msg = (
             "expected a letter, and then letters, digits, '_' and '-' alone: the roles of columns"
             ' begin with it, as in "X.position"'

@@ -10,7 +10,7 @@ from numpy.polynomial import legendre
 from scipy.special import fdtrc  # scipy.stats takes long to load
 
 from ....data.units import small_unit
-from ...core import FitError, regress
+from ...core import FitError, node_shares, regress
 from ...fit.joint import Part
 from ...job.result._result import AbstractResult, Expectation, Remark
 
@@ -122,10 +122,10 @@ def drift_remark(
     place, way = data.position[axis][rows], data.direction[axis][rows]
     span = data.order[rows] - data.order[rows].mean()
     span = span / (float(np.ptp(span)) or 1.0)
-    hats = [np.interp(place, nodes, hat) for hat in np.eye(len(nodes))]
-    hats = [hat for hat in hats if hat.any()]
+    shares = node_shares(place, nodes)
+    shares = shares[:, shares.any(axis=0)]
     try:
-        columns = np.stack([-0.5 * way, span, *hats], axis=1)
+        columns = np.column_stack([-0.5 * way, span, shares])
         found = regress(columns, data.error[axis][rows])
     except FitError:  # all of one direction came first, or each place was read once
         return

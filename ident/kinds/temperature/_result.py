@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy.polynomial.legendre import legvander
 
-from ...core import FitError, regress
+from ...core import FitError, node_shares, regress
 from ...job.result._result import AbstractResult, Expectation, Remark
 from ...readings import IN_SHOP, SHOP
 from ._law import RATE, ThermalLaw
@@ -421,10 +421,8 @@ def _bends(
     """Yield the functions of each temperature by which its laws are no straight lines."""
     for name, at in zip(fit.sensors, warm.T, strict=True):
         nodes = [law.temperature for law in fit.laws.values() if law.sensor == name]
-        longest = max(nodes, key=len, default=np.zeros(0))
-        hats = np.eye(len(longest))[1:-1]
-        bends = [np.interp(at, longest, hat) for hat in hats]
-        yield np.array(bends).reshape(-1, len(at)).T
+        if any(len(each) > 2 for each in nodes):
+            yield node_shares(at, max(nodes, key=len))[:, 1:-1]
 
 
 def _bent(draft: "TemperatureDraft") -> Iterator[Remark]:
