@@ -119,6 +119,7 @@ def drift_remark(
     """
     data, axis = share.recording.data, share.axis
     rows = np.flatnonzero(share.rows)[~wild]
+    rows = rows[np.isfinite(data.position[axis][rows])]
     place, way = data.position[axis][rows], data.direction[axis][rows]
     span = data.order[rows] - data.order[rows].mean()
     span = span / (float(np.ptp(span)) or 1.0)

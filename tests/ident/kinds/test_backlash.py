@@ -169,6 +169,16 @@ def test_a_dial_at_one_place_tells_the_backlash(tmp_path: Path) -> None:
     assert found.expectation.places == {"X": 100.0}
 
 
+def test_a_drift_is_told_beside_a_place_that_was_not_read(tmp_path: Path) -> None:
+    way = np.tile([1, -1], 10)
+    drift = np.linspace(0.0, 0.02, 20)
+    error = -0.5 * way * 0.012 + 1e-4 * np.random.default_rng(0).normal(size=20) + drift
+    place = np.full(20, 100.0)
+    place[[3, 8]] = np.nan
+    found = fitted(tmp_path, place, error, way)
+    assert any("The readings drift" in remark.message for remark in found.remarks)
+
+
 def test_a_direction_that_only_wild_readings_show_determines_no_backlash(
     tmp_path: Path,
 ) -> None:
