@@ -211,7 +211,8 @@ def _search(equation: Equation, view: View, begin: Shape) -> tuple[Shape, bool]:
         falling = equation.falling(np.array(shape))
         falling = projected(in_line(falling)).reshape(falling.shape)
         columns = falling[:, :, 0]
-        inverse = np.linalg.pinv(columns).T
+        root = rooted(columns.T @ columns)[0]
+        inverse = columns @ (root @ root.T)
         factors = target @ inverse
         slopes = np.tensordot(falling[:, :, 1:], factors, (1, 0))
         return target - columns @ factors, columns @ (inverse.T @ slopes) - slopes

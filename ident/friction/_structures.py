@@ -323,8 +323,10 @@ class Laws:
 
     def friction(self, velocity: Trace) -> Float[np.ndarray, "t n"]:
         """Return the friction of each at velocities in mm/s, in drive units."""
-        columns = self.structure.columns(velocity, self.shapes)
-        return np.asarray(np.einsum("ntk,nk->tn", columns, self.factors))
+        # Without a shape all have the same columns.
+        shapes = self.shapes if self.structure.shapes else self.shapes[:1]
+        columns = self.structure.columns(velocity, shapes)
+        return np.asarray((columns @ self.factors[:, :, None])[:, :, 0].T)
 
 
 def range_of(speed: Trace) -> tuple[float, float]:

@@ -116,8 +116,9 @@ class View:
     def rows(self, columns: Float[np.ndarray, "s k"]) -> Rows:
         """Return weighted rows of columns."""
         target = self.equation.recording.target
-        left = self.root * self.weighted(columns)
-        return Rows(left, columns, target)
+        if self._basis is None:
+            return Rows(self.weights.share[:, None] * columns, columns, target)
+        return Rows(self.root * self.weighted(columns), columns, target)
 
 
 def weigh(recording: Recording, loss: str) -> Weights:

@@ -19,6 +19,9 @@ leave of the variance of how many readings: behind each reversal all friction is
 twice."""
 _SURE = 3.0
 """Standard deviations from which on a change is one."""
+_ALIKE = 1e-11
+"""Share of the largest eigenvalue of sums that is none: columns may be alike, as the law and
+the speed are."""
 
 
 def changes(
@@ -59,10 +62,15 @@ def changes(
     columns += [law, np.sign(speed), speed]
     if samples.acceleration is not None:
         columns.append(samples.acceleration[rows])
-    design, current = np.stack(columns, axis=1), samples.current[rows + late]
-    part = np.arange(len(rows)) * _PARTS // len(rows)
-    others = [part != number for number in range(_PARTS)]
-    factors = np.array([np.linalg.lstsq(design[o], current[o])[0] for o in others])
+    # Sums of what the columns and the current have in common, less those of each stretch.
+    known = np.stack([*columns, samples.current[rows + late]], axis=1)
+    size = np.sqrt(np.square(known).sum(axis=0))
+    known /= np.where(size > 0.0, size, 1.0)
+    sums = np.stack([part.T @ part for part in np.array_split(known, _PARTS)])
+    sums = sums.sum(axis=0) - sums
+    inverse = np.linalg.pinv(sums[:, :-1, :-1], rcond=_ALIKE, hermitian=True)
+    factors = (inverse @ sums[:, :-1, -1:])[:, :, 0]
+    factors *= size[-1] / np.where(size[:-1] > 0.0, size[:-1], 1.0)
 
     def told(change: Float[np.ndarray, " p"]) -> float:
         """Return a change; 0 where it depends on the stretch that is left out."""
