@@ -36,7 +36,7 @@ def run_remarks(draft: "TableDraft") -> Iterator[Remark]:
         effect = "offset and drift" if draft.run_effects == "drift" else "offset"
         yield Remark.info(
             f"Each of the {len(fit.runs)} runs was allowed an {effect} of its own"
-            f" (offsets up to {draft.small(largest, '.1f')}); the table keeps their"
+            f" (offsets up to {draft.small(largest, '.3g')}); the table keeps their"
             " mean."
         )
         zeros = [*_zeros_apart(draft)]
