@@ -2,7 +2,7 @@
 
 import dataclasses
 import functools
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -30,7 +30,7 @@ from ...readings import Readings, Tables, place_in_run, runs_overlap, without_ze
 from .._draft import AbstractDraft, Leftovers
 from ..result._result import Remark
 from ._draft import TableDraft
-from ._layout import grid_words, suit
+from ._layout import grid_keys, grid_words, same_nodes
 from ._log_draft import fit_log
 from ._log_readings import in_pieces
 from ._passes import as_passes_differ, nearest_node, of_both_ways
@@ -45,6 +45,10 @@ if TYPE_CHECKING:
 
 _PART = 0.1
 """Share of a table over which readings must lie at least."""
+_TOUCHED = 0.25
+"""Share of a cell at its end that readings must reach into for the node beyond it to be read."""
+_EMPTY = 0.9
+"""Share of the way of all readings that one gap takes where they stand at two places."""
 _DRIFT_NEEDS = 4
 """Readings that every run must have, so that a drift is more than a guess."""
 
@@ -81,54 +85,99 @@ def fit_planned(plan: Plan, tables: Tables, left: Leftovers) -> AbstractDraft:
 
 
 def held_beyond(draft: TableDraft) -> TableDraft:
-    """Return a table over one axis that goes on beyond its readings as the controller does.
+    """Return a table that goes on beyond its readings as the controller does.
 
-    There the smoothness would go on straight. Where the other direction was read the table
-    follows that, as far from it as at the last reading; else it holds its edge.
+    There the smoothness would go on straight, or bend. Where the other direction was read the
+    table follows that, as far from it as at the last reading; else it holds its edge. How far
+    that moves a node joins its deviation: either may be right.
     """
     plan, estimate = draft.plan, draft.estimate
-    if (
-        len(plan.table.nodes) != 1
-        or plan.table.periodic
-        or plan.inequalities is not None
-    ):
+    masters, branches = plan.table.nodes, plan.table.branches
+    if plan.table.periodic:
         return draft
-    nodes, name = plan.table.nodes[0].positions, plan.fit.over[0]
-    shape = plan.table.branches, len(nodes)
+    shape = branches, *(len(nodes.positions) for nodes in reversed(masters))
     values = estimate.values.reshape(shape).copy()
-    read = estimate.support.reshape(shape) > 0
+    deviation = estimate.standard_deviation.reshape(shape).copy()
     least = max(SEEN * estimate.noise, TINY)
-    said = dict[tuple[float, float, str], list[str]]()
-    for branch in range(shape[0]):
-        curve, other = values[branch], estimate.values.reshape(shape)[branch - 1]
-        reached = np.flatnonzero(read[branch])
-        if not reached.size:
-            continue
-        for edge, beyond in (
-            (int(reached[0]), range(reached[0] - 1, -1, -1)),
-            (int(reached[-1]), range(reached[-1] + 1, shape[1])),
-        ):
-            way = [edge, *beyond]
-            # Without another direction it is itself, which was not read there.
-            beside = read[branch - 1, way[:-1]] & read[branch - 1, beyond]
-            gone = curve[edge] + np.cumsum(beside * np.diff(other[way]))
-            off = np.abs(curve[beyond] - [gone, np.full(len(gone), curve[edge])])
-            if len(beyond) < 2 or off.max() <= least:
-                continue
-            curve[beyond] = gone
-            low, high = sorted((nodes[beyond[0]], nodes[beyond[-1]]))
-            does = "follows the other direction" if beside.any() else "holds its edge"
-            said.setdefault((low, high, does), []).append("+−"[branch])
+    said = dict[tuple[str, float, float, str], list[str]]()
+    for k, (name, line) in enumerate(zip(plan.fit.over, masters, strict=True)):
+        nodes = line.positions
+        parts = [_part_read(draft, k, branch) for branch in range(branches)]
+        fitted, curves, sd = (
+            np.moveaxis(array, -1 - k, 1)
+            for array in (values.copy(), values, deviation)
+        )
+        for branch, (first, last, *ends) in enumerate(parts):
+            begin, end, *_ = parts[branch - 1]
+            for edge, place, way in (
+                (first, ends[0], np.arange(first, -1, -1)),
+                (last, ends[1], np.arange(last, len(nodes))),
+            ):
+                if len(way) < 2:
+                    continue
+                before, other = fitted[branch, way], fitted[branch - 1, way]
+                # Without another direction it is itself, which was not read there.
+                seen = (way >= begin) & (way <= end)
+                beside = (seen[1:] & seen[:-1]).reshape(-1, *[1] * (before.ndim - 1))
+                share = (place - nodes[edge]) / (nodes[way[1]] - nodes[edge])
+                held = before[0] + max(share, 0.0) * (before[1] - before[0])
+                gone = held + np.cumsum(beside * np.diff(other, axis=0), axis=0)
+                moved = np.abs(before[1:] - gone)
+                if max(moved.max(), np.abs(gone - held).max()) <= least:
+                    continue
+                curves[branch, way[1:]] = gone
+                sd[branch, way[1:]] = np.hypot(sd[branch, way[1:]], moved)
+                low, high = sorted((float(nodes[way[1]]), float(nodes[way[-1]])))
+                does = "holds its edge"
+                if beside.any():
+                    does = "follows the other direction"
+                elif plan.old is not None:
+                    does = "keeps its old shape, moved as its edge is"
+                said.setdefault((name, low, high, does), []).append("+−"[branch])
     remarks = [
         Remark.warning(
-            f"No reading{f' in {signs[0]} direction' * (len(signs) < shape[0])} lies at {name} ="
-            f" {low:g} to {high:g}: there the table {does}, which nobody measured. Measure"
-            " there as well."
+            f"No reading{f' in {signs[0]} direction' * (len(signs) < branches)} lies at {name} ="
+            f" {low:g}{f' to {high:g}' * (high > low)}: there the table {does}, which nobody"
+            " measured. Measure there as well."
         )
-        for (low, high, does), signs in said.items()
+        for (name, low, high, does), signs in said.items()
     ]
-    held = dataclasses.replace(estimate, values=values.reshape(estimate.values.shape))
+    held = dataclasses.replace(
+        estimate,
+        values=values.reshape(estimate.values.shape),
+        standard_deviation=deviation.reshape(estimate.values.shape),
+    )
     return dataclasses.replace(draft, estimate=held, said=(*draft.said, *remarks))
+
+
+def _part_read(
+    draft: TableDraft, master: int, branch: int
+) -> tuple[int, int, float, float]:
+    """Return the first and the last node along a master that were read, and reading there.
+
+    A node that readings touch from afar, at the other end of its cell, is beyond them.
+    """
+    table, readings, wild = draft.plan.table, draft.readings, draft.estimate.wild
+    nodes = table.nodes[master].positions
+    rows = np.ones(len(readings.error), bool)
+    if len(wild) == len(rows):
+        rows = ~wild
+    if table.branches == 2 and readings.direction is not None:
+        rows &= readings.direction == (1, -1)[branch]
+    places = np.clip(readings.positions[rows, master], nodes[0], nodes[-1])
+    if draft.log is not None:  # of which a part is in memory
+        shape = table.branches, *(len(line.positions) for line in reversed(table.nodes))
+        support = np.moveaxis(
+            draft.estimate.support.reshape(shape)[branch], -1 - master, 0
+        )
+        places = nodes[support.reshape(len(nodes), -1).any(axis=1)]
+    if not len(places):
+        return 0, len(nodes) - 1, nodes[0], nodes[-1]
+    low, high = float(places.min()), float(places.max())
+    near = _TOUCHED * np.diff(nodes)
+    first = int(np.searchsorted(nodes[1:] - near, low, "right"))
+    last = int(np.searchsorted(nodes[:-1] + near, high))
+    return min(first, last), max(first, last), low, high
 
 
 def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> TableDraft:
@@ -140,6 +189,7 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
     """
     table, spec, remarks = plan.table, plan.fit, [*remarks]
     _refuse_small_part(plan, readings)
+    remarks += _two_places(plan, readings)
     readings, owner = with_one_zero(plan, readings)
     remarks += limit_remarks(plan.job, plan.fit.over, readings.positions)
     run = readings.run
@@ -196,9 +246,7 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
     remarks += alike
     if finer:
         words = "There are more nodes than readings: the prior fills in between."
-        places = [*readings.positions.T]
-        if not suit(nodes, places):
-            words += f" Nodes that suit these readings: {grid_words(places)}."
+        words += _better_nodes(plan, readings)
         remarks.append(Remark.warning(words))
     if (inequalities := plan.inequalities) is not None:
         free, fit = fit, inequalities.keep(fit, samples)
@@ -225,6 +273,44 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
     return TableDraft(
         plan.job, plan.index, spec, plan, estimate, effects, readings, heldout, remarks
     )
+
+
+def _better_nodes(plan: Plan, readings: Readings) -> str:
+    """Return nodes that suit readings better, in words; nothing where a job cannot have them."""
+    over, axes = plan.fit.over, plan.job.spec.axes
+    if any(axes[name].modulo is not None for name in over):
+        return ""  # they must cover the turn
+    # What a cross table does beyond its ends is not documented (S-12).
+    alone = len(over) == 1 and not plan.fit.lengths
+    grid = grid_keys([*readings.positions.T], axes[over[0]].limits if alone else None)
+    nodes = [line.positions for line in plan.table.nodes]
+    few = np.prod(grid["points"]) >= len(readings.error)
+    if few or same_nodes(nodes, grid) or plan.old is not None:
+        return ""
+    return f" Nodes that suit these readings: {grid_words(grid)}."
+
+
+def _two_places(plan: Plan, readings: Readings) -> Iterator[Remark]:
+    """Yield that readings stand at two places of a master, where more nodes lie between.
+
+    Raises:
+        JobError: If there is no old table whose nodes must stay.
+    """
+    lines = zip(plan.fit.over, plan.table.nodes, readings.positions.T, strict=True)
+    for name, nodes, places in lines:
+        low, high = float(places.min()), float(places.max())
+        gap = float(np.diff(np.sort(places)).max(initial=0.0))
+        within = (nodes.positions > low) & (nodes.positions < high)
+        if gap < _EMPTY * (high - low) or plan.table.periodic or within.sum() < 1:
+            continue
+        words = (
+            f"readings stand at two places along {name} alone, {low:.6g} and {high:.6g}:"
+            f" what lies between nobody has seen"
+        )
+        if plan.old is None:
+            words += ", expected nodes there alone (the controller goes straight), or more places"
+            raise plan.refusal(words)
+        yield Remark.warning(f"All {words}. The old table keeps its shape there.")
 
 
 def _refuse_small_part(plan: Plan, readings: Readings) -> None:
@@ -273,7 +359,8 @@ def draft_of_share(plan: Plan, share: "Share") -> TableDraft:
         standard_deviation=np.full(len(samples.error), spread),
         by_run=recording.by_run,
     )
-    effects, remarks = "offset" if fit.runs else "none", share.remarks()
+    effects = "offset" if fit.runs else "none"
+    remarks = (*share.remarks(), *_two_places(plan, readings))
     draft = TableDraft(
         plan.job, plan.index, plan.fit, plan, fit, effects, readings, heldout, remarks
     )

@@ -1,7 +1,7 @@
 """Where the nodes of a fit lie: whether they suit axis and list, and which suit readings."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -87,7 +87,9 @@ def _suited_nodes(tables: Tables, fit: TableSpec) -> str:
         ]
     except MeasurementError:
         return ""
-    return grid_words(places) if all(np.ptp(column) > 0 for column in places) else ""
+    if not all(np.ptp(column) > 0 for column in places):
+        return ""
+    return grid_words(grid_keys(places))
 
 
 def _mesh_nodes(places: Float[np.ndarray, " t"], name: str) -> ListNodes:
@@ -258,20 +260,20 @@ def grid_keys(
     return dict(zip(_KEYS, map(list, pairs), strict=True))
 
 
-def grid_words(places: Sequence[Float[np.ndarray, " t"]]) -> str:
+def grid_words(grid: Mapping[str, Any]) -> str:
     """Return `grid_keys` as they stand in a job."""
-    values = {key: np.atleast_1d(value) for key, value in grid_keys(places).items()}
+    values = {key: np.atleast_1d(value) for key, value in grid.items()}
     words = {key: ", ".join(f"{item:g}" for item in row) for key, row in values.items()}
-    if len(places) == 2:
+    if np.ndim(grid["points"]):
         words = {key: f"[{text}]" for key, text in words.items()}
     return ", ".join(f"{key} = {text}" for key, text in words.items())
 
 
-def suit(
-    nodes: Sequence[Float[np.ndarray, " _"]], places: Sequence[Float[np.ndarray, " t"]]
+def same_nodes(
+    nodes: Sequence[Float[np.ndarray, " _"]], grid: Mapping[str, Any]
 ) -> bool:
-    """Return whether nodes of each master are those that suit readings at its places."""
-    grids = zip(*map(np.atleast_1d, grid_keys(places).values()), strict=True)
+    """Return whether nodes of each master are those of `grid_keys`."""
+    grids = zip(*map(np.atleast_1d, grid.values()), strict=True)
     return all(
         len(line) == points
         and bool(np.allclose(line, start + interval * np.arange(points)))

@@ -75,10 +75,9 @@ def fit_remarks(
         if wild:
             why = "rest on no reading (not measured, or only wild ones)"
         yield Remark.warning(
-            f"{empty} of {fit.support.size} node values {why}; they are"
+            f"{empty} of {fit.support.size} node values {why}{_stretches(draft)}; they are"
             " filled by the prior and marked with support 0."
         )
-    yield from _beyond_readings(draft)
     yield from _log_remarks(draft)
     yield from _copies(draft)
     yield from _turn_remarks(draft)
@@ -138,31 +137,19 @@ def fit_remarks(
         yield Remark.warning(fit.message)
 
 
-def _beyond_readings(draft: "TableDraft") -> Iterator[Remark]:
-    """Return a doubt where a surface goes on beyond its readings by more than a node."""
-    table, support = draft.plan.table, draft.estimate.support
-    if len(table.nodes) == 1:
-        return  # a line is held there (`held_beyond`)
-    values = draft.estimate.values
-    least = max(SEEN * draft.estimate.noise, TINY)
-    for k, (name, nodes) in enumerate(zip(draft.fit.over, table.nodes, strict=True)):
-        along = support.ndim - 1 - k  # the first master runs fastest
-        lines = np.moveaxis(support, along, 0).reshape(len(nodes.positions), -1)
-        curves = np.moveaxis(values, along, 0).reshape(len(nodes.positions), -1)
-        reached = np.flatnonzero(lines.any(axis=1))
-        if table.periodic or not reached.size:
-            continue
-        first, last = int(reached[0]), int(reached[-1])
-        for beyond, edge in ((slice(0, first), first), (slice(last + 1, None), last)):
-            places = nodes.positions[beyond]
-            far = np.abs(curves[beyond] - curves[edge]).max(initial=0.0)
-            if len(places) > 1 and far > least:
-                yield Remark.warning(
-                    f"No reading lies at {name} = {places[0]:g} to {places[-1]:g}: there the"
-                    f" table goes on straight, by up to {draft.small(far, '.3g')}, which nobody"
-                    f" measured. End it at {name} = {nodes.positions[edge]:g}: the"
-                    " controller holds its edge."
-                )
+def _stretches(draft: "TableDraft") -> str:
+    """Return where nodes of a line have no readings, in words; those of a surface the map shows."""
+    (nodes, *more), name = draft.plan.table.nodes, draft.fit.over[0]
+    if more:
+        return ""
+    places = nodes.positions
+    bare = draft.estimate.support.reshape(-1, len(places)) == 0
+    edges = np.flatnonzero(np.diff(bare.any(axis=0), prepend=False, append=False))
+    ends = zip(
+        *(places[k].tolist() for k in (edges[::2], edges[1::2] - 1)), strict=True
+    )
+    words = [f"{low:g}" + f" to {high:g}" * (high > low) for low, high in ends]
+    return f", {name} = {some_of(words, _MOST)}"
 
 
 def _pulled_ends(draft: "TableDraft") -> str:

@@ -1,6 +1,7 @@
 """Jobs end to end with a known truth: what is written does to the error."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -90,20 +91,61 @@ def test_table_that_leaves_out_a_part_of_the_travel_says_so(
     assert (words in said) == short
 
 
-@pytest.mark.parametrize(("points", "far"), [(5, False), (6, False), (9, True)])
+@pytest.mark.parametrize(("points", "far"), [(5, ""), (6, "500"), (9, "500 to 800")])
 def test_a_table_that_goes_on_beyond_its_readings_is_doubted(
-    tmp_path: Path, points: int, far: bool
+    tmp_path: Path, points: int, far: str
 ) -> None:
     laser(tmp_path / "laser.csv")
     job = screw_job(tmp_path)
     job.write_text(job.read_text().replace("points = 5", f"points = {points}"))
     (fit,) = run_job(job, tmp_path / "out").tables
     said = " ".join(r.message for r in fit.remarks if r.level == "warning")
-    assert ("No reading lies at X = 500 to 800: there" in said) == far
-    assert ("holds its edge, which nobody measured" in said) == far
+    words = f"X = {far}: there the table holds its edge, which nobody measured"
+    assert (words in said) == bool(far)
     # The controller holds the edge of a table: so does the table beyond its readings.
     entries = fit.table["pos"]
     assert not far or np.ptp(entries[4:]) == 0.0
+    # What would go on straight is another answer: the deviation has it.
+    assert not far or (fit.standard_deviation["pos"][5:] > 1e-3).all()
+
+
+@pytest.mark.parametrize("word", ["monotone", "non-negative"])
+def test_a_table_with_constraints_holds_its_edge_as_well(
+    tmp_path: Path, word: str
+) -> None:
+    there = np.tile(np.arange(0.0, 151.0, 10.0), 3)
+    error = 0.04 * (there / 150.0) ** 2
+    error += 3e-4 * np.random.default_rng(0).normal(size=len(there))
+    table(tmp_path / "laser.csv", "target,actual", there, there + error)
+    text = screw_job(tmp_path).read_text().replace("points = 5", "points = 21")
+    text = text.replace("interval = 100.0", "interval = 20.0")
+    for line in ("bilateral = true", "smoothness = 0", 'loss = "gauss"'):
+        text = text.replace(line, "")
+    keys = f'solver = "ipopt"\nconstraints = ["{word}"]\nstart ='
+    (tmp_path / "job.toml").write_text(text.replace("start =", keys))
+    (fit,) = run_job(tmp_path / "job.toml", tmp_path / "out").tables
+    said = " ".join(remark.message for remark in fit.remarks)
+    assert "X = 180 to 400: there the table holds its edge" in said
+    # The edge is 10 mm beyond the last reading, where the error grows by 0.5 µm a mm.
+    assert np.abs(fit.table["pos"][9:] - 0.04).max() < 7e-3
+
+
+def test_a_node_that_readings_touch_from_afar_was_not_read(tmp_path: Path) -> None:
+    there = np.tile(np.arange(0.0, 161.0, 10.0), 3)
+    error = 0.04 * (there / 150.0) ** 2
+    error += 3e-4 * np.random.default_rng(0).normal(size=len(there))
+    table(tmp_path / "laser.csv", "target,actual", there, there + error)
+    text = screw_job(tmp_path).read_text()
+    for line in ("bilateral = true", "smoothness = 0", 'loss = "gauss"'):
+        text = text.replace(line, "")
+    keys = "start = 0.0\ninterval = 100.0\npoints = 5"
+    nodes = "setpoints = [0.0, 25.0, 50.0, 75.0, 100.0, 125.0, 150.0, 400.0]"
+    (tmp_path / "job.toml").write_text(text.replace(keys, nodes))
+    (fit,) = run_job(tmp_path / "job.toml", tmp_path / "out").tables
+    said = " ".join(remark.message for remark in fit.remarks)
+    assert "No reading lies at X = 400: there the table holds its edge" in said
+    # What the last reading says; straight on it would be more than 0.1 mm.
+    assert abs(fit.table["pos"][-1] - 0.0455) < 6e-3
 
 
 def test_a_direction_that_was_not_read_follows_the_other_where_that_bends(
@@ -324,6 +366,81 @@ def test_oblong_plane_passes_with_either_order_of_its_indices(tmp_path: Path) ->
     # The last node along master 1, the first along master 2; 0.5 µm as below.
     entry = listing.integer("kw.crosscomp2.table[5][0].correction")
     assert entry == pytest.approx(-1e4 * truth[10], abs=5)
+
+
+def test_a_plane_holds_its_edge_where_nothing_was_read(tmp_path: Path) -> None:
+    plane_job(tmp_path)
+    text = (
+        (tmp_path / "job.toml")
+        .read_text()
+        .replace("points = [6, 11]", "points = [10, 11]")
+    )
+    (tmp_path / "job.toml").write_text(text)
+    (fit,) = run_job(tmp_path / "job.toml", tmp_path / "out").tables
+    said = " ".join(remark.message for remark in fit.remarks)
+    assert "No reading lies at X = 80 to 140: there the table holds its edge" in said
+    (entries,) = fit.table.values()
+    assert np.ptp(entries[:, 5:], axis=1).max() == 0.0
+
+
+@pytest.mark.parametrize("interval", ["[100.0, 10.0]", "[50.0, 10.0]"])
+def test_what_lies_between_two_places_nobody_has_seen(
+    tmp_path: Path, interval: str
+) -> None:
+    plane_job(tmp_path)
+    rows = (tmp_path / "probe.csv").read_text().splitlines()
+    ends = [row for row in rows[1:] if float(row.split(",")[0]) in (-40.0, 60.0)]
+    (tmp_path / "probe.csv").write_text("\n".join([rows[0], *ends, *ends]) + "\n")
+    points = "[2, 11]" if interval.startswith("[1") else "[3, 11]"
+    text = (tmp_path / "job.toml").read_text().replace("[20.0, 10.0]", interval)
+    (tmp_path / "job.toml").write_text(text.replace("[6, 11]", points))
+    if points == "[2, 11]":
+        assert run_job(tmp_path / "job.toml", tmp_path / "out").passed
+        return
+    with pytest.raises(JobError, match="stand at two places along X alone, -40 and 60"):
+        run_job(tmp_path / "job.toml", tmp_path / "out")
+
+
+@pytest.mark.parametrize("limits", ["[0, 400]", "[-100, 500]"])
+def test_nodes_that_are_proposed_are_nodes_that_a_job_may_have(
+    tmp_path: Path, limits: str
+) -> None:
+    x = np.tile(np.arange(0.0, 401.0, 50.0), 4)
+    error = 0.02 * np.sin(x / 90.0) + 1e-4 * np.random.default_rng(0).normal(
+        size=len(x)
+    )
+    table(tmp_path / "edge.csv", "x,dy", x, error)
+    job = f"""
+[axes.X]
+number = 1
+limits = {limits}
+[axes.Y]
+number = 2
+[measurements.edge]
+file = "edge.csv"
+remove = "none"
+active = []
+columns = {{ "X.position" = "x", "Y.error" = "dy" }}
+[[fits]]
+compensation = "cross"
+axis = "Y"
+master = "X"
+measurement = "edge"
+start = -300.0
+interval = 10.0
+points = 101
+"""
+    (tmp_path / "job.toml").write_text(job)
+    (fit,) = run_job(tmp_path / "job.toml", tmp_path / "out").tables
+    said = " ".join(remark.message for remark in fit.remarks)
+    proposed = re.search(r"Nodes that suit these readings: (.*?)\.(?: |$)", said)
+    assert proposed is not None
+    assert ("start = -100" in proposed[1]) == (limits == "[-100, 500]")
+    keys = "start = -300.0\ninterval = 10.0\npoints = 101"
+    (tmp_path / "job.toml").write_text(
+        job.replace(keys, proposed[1].replace(", ", "\n"))
+    )
+    assert run_job(tmp_path / "job.toml", tmp_path / "again").tables
 
 
 def test_written_plane_list_takes_the_error_away(tmp_path: Path) -> None:
