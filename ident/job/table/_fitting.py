@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from ...core import FitError
 from ...exchange import LIST_UNITS
@@ -109,27 +109,26 @@ def held_beyond(draft: TableDraft) -> TableDraft:
         )
         for branch, (first, last, *ends) in enumerate(parts):
             begin, end, *_ = parts[branch - 1]
-            for edge, place, way in (
-                (first, ends[0], np.arange(first, -1, -1)),
-                (last, ends[1], np.arange(last, len(nodes))),
+            for place, way in (
+                (ends[0], np.arange(first, -1, -1)),
+                (ends[1], np.arange(last, len(nodes))),
             ):
                 if len(way) < 2:
                     continue
-                before, other = fitted[branch, way], fitted[branch - 1, way]
+                other = fitted[branch - 1, way]
                 # Without another direction it is itself, which was not read there.
                 seen = (way >= begin) & (way <= end)
-                beside = (seen[1:] & seen[:-1]).reshape(-1, *[1] * (before.ndim - 1))
-                share = (place - nodes[edge]) / (nodes[way[1]] - nodes[edge])
-                held = before[0] + max(share, 0.0) * (before[1] - before[0])
-                gone = held + np.cumsum(beside * np.diff(other, axis=0), axis=0)
-                moved = np.abs(before[1:] - gone)
+                held, gone = _beyond(
+                    nodes[way], fitted[branch, way], place, other, seen
+                )
+                moved = np.abs(fitted[branch, way[1:]] - gone)
                 if max(moved.max(), np.abs(gone - held).max()) <= least:
                     continue
                 curves[branch, way[1:]] = gone
                 sd[branch, way[1:]] = np.hypot(sd[branch, way[1:]], moved)
                 low, high = sorted((float(nodes[way[1]]), float(nodes[way[-1]])))
                 does = "holds its edge"
-                if beside.any():
+                if (seen[1:] & seen[:-1]).any():
                     does = "follows the other direction"
                 elif plan.old is not None:
                     does = "keeps its old shape, moved as its edge is"
@@ -148,6 +147,28 @@ def held_beyond(draft: TableDraft) -> TableDraft:
         standard_deviation=deviation.reshape(estimate.values.shape),
     )
     return dataclasses.replace(draft, estimate=held, said=(*draft.said, *remarks))
+
+
+def _beyond(
+    nodes: Float[np.ndarray, " n"],
+    curve: Float[np.ndarray, "n *m"],
+    place: float,
+    other: Float[np.ndarray, "n *m"],
+    seen: Bool[np.ndarray, " n"],
+) -> tuple[Float[np.ndarray, "*m"], Float[np.ndarray, "n1 *m"]]:
+    """Return the edge of a table at its last reading, and the nodes beyond it from there on.
+
+    Args:
+        nodes: From the last that was read on outwards.
+        curve: What was fitted there.
+        place: Of the last reading.
+        other: What was fitted in the other direction.
+        seen: Where that was read.
+    """
+    share = max((place - nodes[0]) / (nodes[1] - nodes[0]), 0.0)
+    edge = curve[0] + share * (curve[1] - curve[0])
+    beside = (seen[1:] & seen[:-1]).reshape(-1, *[1] * (curve.ndim - 1))
+    return edge, edge + np.cumsum(beside * np.diff(other, axis=0), axis=0)
 
 
 def _part_read(
@@ -284,7 +305,7 @@ def _better_nodes(plan: Plan, readings: Readings) -> str:
     alone = len(over) == 1 and not plan.fit.lengths
     grid = grid_keys([*readings.positions.T], axes[over[0]].limits if alone else None)
     nodes = [line.positions for line in plan.table.nodes]
-    few = np.prod(grid["points"]) >= len(readings.error)
+    few = np.min(grid["points"]) < 4  # each is left out in turn
     if few or same_nodes(nodes, grid) or plan.old is not None:
         return ""
     return f" Nodes that suit these readings: {grid_words(grid)}."
