@@ -75,8 +75,8 @@ def fit_remarks(
         if wild:
             why = "rest on no reading (not measured, or only wild ones)"
         yield Remark.warning(
-            f"{empty} of {fit.support.size} node values {why}{_stretches(draft)}; they are"
-            " filled by the prior and marked with support 0."
+            f"{empty} of {fit.support.size} node values {why}{_stretches(draft)}; what they"
+            " say is assumed, and their support is 0."
         )
     yield from _log_remarks(draft)
     yield from _copies(draft)

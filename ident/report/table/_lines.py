@@ -77,10 +77,14 @@ def _draw_branch(axes: Axes, branch: Fitted) -> None:
 
 
 def _frame_curve(axes: Axes, branches: Sequence[Fitted], readings: SampleView) -> None:
-    """Choose the limits by what is sound; wild readings become marks at the edge."""
+    """Choose the limits by what is sound; wild readings become marks at the edge.
+
+    The bars of nodes that nobody measured may leave the frame.
+    """
     sound = readings.before[~readings.wild]
-    tops = [branch.value + 2 * branch.sd for branch in branches]
-    ends = [branch.value - 2 * branch.sd for branch in branches]
+    bars = [np.where(branch.measured, 2 * branch.sd, 0.0) for branch in branches]
+    tops = [branch.value + bar for branch, bar in zip(branches, bars, strict=True)]
+    ends = [branch.value - bar for branch, bar in zip(branches, bars, strict=True)]
     high = max(*(float(top.max()) for top in tops), float(np.max(sound, initial=-1e99)))
     low = min(*(float(end.min()) for end in ends), float(np.min(sound, initial=1e99)))
     pad = 0.06 * (high - low or 1.0)
