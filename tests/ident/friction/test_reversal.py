@@ -71,7 +71,11 @@ def steady(
 
 @pytest.mark.parametrize(
     "setting",
-    [(0, 0.0, 0), (4, 0.0007, 3), (1, 0.008, 12)],
+    [
+        (0, 0.0, 0),
+        (4, 0.0007, 3),
+        pytest.param((1, 0.008, 12), marks=pytest.mark.heavy),
+    ],
 )
 def test_unknown_stribeck_law_and_reversal_are_found_to_the_last_digits(
     setting: tuple[int, float, int],
@@ -96,7 +100,8 @@ def test_unknown_law_that_no_formula_gives_is_found_by_a_table() -> None:
 
 
 @pytest.mark.parametrize(
-    ("setting", "period"), [((3, 0.005, 5), 1.5), ((2, 0.012, 1), 2.3)]
+    ("setting", "period"),
+    [((3, 0.005, 5), 1.5), pytest.param((2, 0.012, 1), 2.3, marks=pytest.mark.heavy)],
 )
 def test_a_wrong_delay_does_not_make_up_for_a_distance(
     setting: tuple[int, float, int], period: float
@@ -113,7 +118,7 @@ def test_a_wrong_delay_does_not_make_up_for_a_distance(
     assert found.position_delay == pytest.approx(setting[1], rel=0.01)
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.heavy)])
 def test_noisy_recording_gives_them_within_the_stated_deviation(seed: int) -> None:
     samples, position, velocity = recorded(LAW, (3, 0.004, 5))
     rng = np.random.default_rng(seed)

@@ -47,7 +47,10 @@ def _dense(data: JointData, effects: Any, smoothness: Any) -> np.ndarray:
     return np.asarray(columns @ found[0])
 
 
-@pytest.mark.parametrize(("nodes", "many"), [(9, 10**5), (21, 10**5), (21, 1)])
+@pytest.mark.parametrize(
+    ("nodes", "many"),
+    [(9, 10**5), pytest.param(21, 10**5, marks=pytest.mark.heavy), (21, 1)],
+)
 def test_the_sum_is_that_of_one_dense_least_squares_problem(
     mixed: Any,
     effects: Any,

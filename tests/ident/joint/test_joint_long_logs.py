@@ -75,7 +75,9 @@ def test_what_rounding_adds_to_an_open_direction_is_none(
     assert rules.beside(design).null.shape[1] == freedoms
 
 
-@pytest.mark.parametrize("seed", [1, 3, 4])
+@pytest.mark.parametrize(
+    "seed", [1, *(pytest.param(k, marks=pytest.mark.heavy) for k in (3, 4))]
+)
 def test_noise_with_a_memory_is_no_lag(seed: int) -> None:
     rng = np.random.default_rng(seed)
     data = drifting_log(5_000)
