@@ -16,17 +16,11 @@ It knows no file and no compensation by name. The route of one table (a leadscre
 11. `band_inverse` the elements of the inverse, for the variances (`Estimate.spread`);
 12. `leave_one_out` gives the posterior without a group of readings.
 
-Read `_readings`, `_effect`, `_chain`, `_prior`, `_stack`, `_sums`, `_factor`, `_posterior`,
-`_evidence`, `_loss`, `_robust`, `_hold_out` in this order. Beside them stand fits of few
-columns with noise that drifts (`_regression`, `_drift`).
+Read `_readings`, `_prior`, `_effect`, `_stack`, `_sums`, `_factor`, `_posterior`, `_evidence`,
+`_loss`, `_robust`, `_hold_out` in this order. Beside them stand fits of few columns with noise
+that drifts (`_regression`).
 """
 
-from ._chain import chain as chain
-from ._drift import (
-    DriftNoise as DriftNoise,
-    find_drift as find_drift,
-    scatter_of_sums as scatter_of_sums,
-)
 from ._effect import (
     AbstractEffect as AbstractEffect,
     ColumnsEffect as ColumnsEffect,
@@ -36,7 +30,6 @@ from ._effect import (
     node_shares as node_shares,
     touched as touched,
 )
-from ._errors import NOT_DETERMINED as NOT_DETERMINED, FitError as FitError
 from ._evidence import Spread as Spread, choose_weights as choose_weights
 from ._factor import ArrowFactor as ArrowFactor
 from ._hold_out import (
@@ -45,28 +38,30 @@ from ._hold_out import (
     sums_by_group as sums_by_group,
 )
 from ._loss import WILD as WILD, Loss as Loss, choose_loss as choose_loss
-from ._posterior import (
-    Posterior as Posterior,
-    Problem as Problem,
-)
+from ._posterior import Posterior as Posterior, Problem as Problem
 from ._prior import (
     AbstractPrior as AbstractPrior,
     Independent as Independent,
     NoPrior as NoPrior,
     Smooth as Smooth,
+    chain as chain,
 )
-from ._readings import Readings as Readings, filled as filled
+from ._readings import (
+    NOT_DETERMINED as NOT_DETERMINED,
+    FitError as FitError,
+    Readings as Readings,
+    filled as filled,
+)
 from ._regression import (
+    DriftNoise as DriftNoise,
     Regression as Regression,
     estimate_columns as estimate_columns,
+    find_drift as find_drift,
     least_scale as least_scale,
     regress as regress,
+    scatter_of_sums as scatter_of_sums,
 )
-from ._robust import (
-    Estimate as Estimate,
-    Passes as Passes,
-    memory as memory,
-)
+from ._robust import Estimate as Estimate, Passes as Passes, memory as memory
 from ._stack import Stack as Stack
 from ._sums import Sums as Sums, sums_of as sums_of
 from ._threads import cores as cores, one_blas_thread as one_blas_thread

@@ -12,10 +12,8 @@ import scipy.linalg
 from jaxtyping import Array, Bool, Float, Int
 
 from ...models import AbstractLookup, EquidistantNodes, Leadscrew, Plane, Setpoints
-from ._chain import chain
-from ._errors import FitError
-from ._prior import AbstractPrior, NoPrior, Smooth
-from ._readings import Readings, filled
+from ._prior import AbstractPrior, NoPrior, Smooth, chain
+from ._readings import FitError, Readings, filled
 
 Design = tuple[Int[np.ndarray, "t k"], Float[np.ndarray, "t k"]]
 """Unknowns that each reading touches, and their shares: a sparse matrix, k per row."""

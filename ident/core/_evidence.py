@@ -17,7 +17,7 @@ from scipy.optimize import fmin_l_bfgs_b
 
 from ._effect import TableEffect
 from ._posterior import Posterior, Problem
-from ._readings import Readings
+from ._readings import Readings, Vector
 from ._stack import Stack
 
 _SCALES = (1e-3, 1e-1, 1e1, 1e3, 1e5)
@@ -50,7 +50,6 @@ _THINNED, _ENOUGH = 3, 8
 """Of so many nodes along each axis of a plane one is kept for the first search, if more than
 so many are left: fewer do not show fourth differences."""
 
-Vector = Float[np.ndarray, " _n"]
 Spread = Float[np.ndarray, " _n"] | Float[np.ndarray, "_n _n"]
 View = Callable[[Posterior], tuple[Vector, Spread]]
 """Returns some values of a posterior, and their variances, or covariance, for noise 1."""

@@ -13,9 +13,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from jaxtyping import Float, Int
 
-from ._errors import NOT_LEFT_OUT, FitError
 from ._posterior import Posterior, Problem
-from ._readings import Readings
+from ._readings import NOT_LEFT_OUT, FitError, Readings
 from ._robust import Estimate
 from ._stack import Matrix
 from ._sums import Sums, sums_of

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.special import gammaln
 
-from ._errors import FitError
+from ._readings import FitError
 
 LOSSES = "student", "huber", "trim", "gauss"
 WILD = 7.0

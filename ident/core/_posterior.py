@@ -11,10 +11,9 @@ from jaxtyping import Float, Int
 from scipy.sparse.linalg import cg
 
 from ._factor import ArrowFactor
+from ._readings import Vector
 from ._stack import Stack, Term
 from ._sums import Sums
-
-Vector = Float[np.ndarray, " _n"]
 
 FILL = 1e-9
 """Weight relative to the density that fills gaps where no smoothness was asked for."""

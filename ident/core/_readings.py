@@ -1,4 +1,4 @@
-"""What was measured, one row per reading."""
+"""What was measured, one row per reading, and why a fit of it is refused."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -8,8 +8,25 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Shaped
 
+from ...data.errors import AxcompError
+
+NOT_DETERMINED = (
+    "the readings do not determine the table: too few different places in it."
+)
+"""What a factor that does not exist means to the user."""
+NOT_LEFT_OUT = (
+    "without some of its readings the rest does not determine the table, so that nothing"
+    " could be proven: take fewer nodes, or read more places, or each of them again."
+)
+"""The same, where readings were held out."""
+
+Vector = Float[np.ndarray, " _n"]
 Rows = Any
 """A slice, a mask of shape ``(t,)`` or row numbers."""
+
+
+class FitError(AxcompError, ValueError):
+    """The readings cannot determine what was asked for; the message says what is missing."""
 
 
 @dataclasses.dataclass(frozen=True)

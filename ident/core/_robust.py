@@ -12,11 +12,10 @@ from typing import final
 import numpy as np
 from jaxtyping import Float
 
-from ._errors import NOT_DETERMINED, FitError
 from ._evidence import Spread, View, choose_weights, spread_of
 from ._loss import FREEDOMS, LOSSES, WILD, Loss, choose_loss
 from ._posterior import Posterior, Problem
-from ._readings import Readings
+from ._readings import NOT_DETERMINED, FitError, Readings, Vector
 from ._stack import Matrix, Stack
 from ._sums import Sums, loop_axes, sums_of
 
@@ -50,7 +49,6 @@ _FOLLOWS = (
     "readings suggest."
 )
 
-Vector = Float[np.ndarray, " _n"]
 Pass = Callable[[Vector, Loss, Sums | None], Sums]
 """Returns the sums of all readings about an estimate, their matrix that of former ones or new."""
 

@@ -16,10 +16,9 @@ import scipy.sparse as sp
 from jaxtyping import Float, Int
 
 from ...models import EquidistantNodes, Plane
-from ._chain import lower_band
-from ._errors import FitError
 from ._loss import Loss
-from ._readings import Readings
+from ._prior import lower_band
+from ._readings import FitError, Readings, Vector
 from ._stack import Matrix, Stack
 from ._threads import cores
 
@@ -34,7 +33,6 @@ _CERTAIN = 1e6
 _ROUNDING = 4.0 * float(np.finfo(np.float64).eps)
 """Slack of a node, as in `axcomp.models.EquidistantNodes`."""
 
-Vector = Float[np.ndarray, " _n"]
 Axes = tuple[tuple[float, ...], ...]
 """Start, 1/interval, slack and last node of the slow and of the fast axis of a plane."""
 

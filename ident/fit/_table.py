@@ -23,7 +23,8 @@ from ..core import (
     one_blas_thread,
     sums_of,
 )
-from ..core._posterior import FILL, Vector
+from ..core._posterior import FILL
+from ..core._readings import Vector
 from ._once import judge_once
 from ._reconsider import at_medians, crowded, lost, reconsidered
 from ._result import (

@@ -23,8 +23,8 @@ from ..core import (
     chain,
     filled,
 )
-from ..core._chain import Chain
 from ..core._effect import Design
+from ..core._prior import Chain
 
 RUNS, ANGULAR, STRAIGHTNESS, POSITIONING, SQUARENESS, FRAME = range(6)
 """What may be moved between blocks leaves those that stand first."""
