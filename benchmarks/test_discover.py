@@ -65,4 +65,4 @@ def test_everything_is_named_and_nothing_else(
         "unexplained": [one.what for one in found.unexplained],
     }
     assert named == wanted
-    assert found.told
+    assert not found.confused

@@ -69,7 +69,7 @@ def discover(
         _write(console, write, loaded, observed, discovery)
     elif write is not None:
         print_line(console, f"Nothing to fit was found: {write} was not written.")
-    return discovery.told
+    return not discovery.confused
 
 
 def _write(

@@ -75,7 +75,10 @@ def _likeliest(problem: Problem, near: Posterior | None) -> Posterior | None:
     gain = _COARSE if _is_large(problem) else _FINE
     if near is not None:
         return _descend(problem, near, gain)
-    if _is_large(problem) and _can_be_thinned(problem):
+    table = problem.stack.table if _is_large(problem) else None
+    nodes = () if table is None else table.nodes
+    # A plane with nodes to spare; a border stays as wide as it is.
+    if len(nodes) == 2 and min(map(len, nodes)) > _ENOUGH * _THINNED:
         thinned, refine = _thinned(problem)
         coarse = _likeliest(thinned, None)
         start = None if coarse is None else _best_of(problem, [refine(coarse.weights)])
@@ -169,14 +172,6 @@ def _is_large(problem: Problem) -> bool:
     dense = stack.size - stack.band
     operations = stack.band * ((2.0 * width) ** 2 + width * dense) + dense**3
     return bool(operations > _LARGE)
-
-
-def _can_be_thinned(problem: Problem) -> bool:
-    """Return whether the band is a plane with nodes to spare; a border stays as wide as it is."""
-    table = problem.stack.table
-    if table is None or len(table.nodes) != 2:
-        return False
-    return min(len(nodes) for nodes in table.nodes) > _ENOUGH * _THINNED
 
 
 def _scanned(problem: Problem) -> Posterior | None:

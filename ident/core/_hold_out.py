@@ -103,9 +103,11 @@ def leave_one_out(
         gain = max(float(total.tally[1] / max(total.tally[0], 1.0)), 0.1)
         problem = Problem.of(total, theta, gain, pins.get(label))
         if label in zeros:
-            total, theta = total.zeroed(theta, zeros[label], gain)
-            problem = dataclasses.replace(problem, sums=total, theta=theta)
-            problem = dataclasses.replace(problem, pinned=len(zeros[label]))
+            sums, theta = total.zeroed(theta, zeros[label], gain)
+            pinned = len(zeros[label])
+            problem = dataclasses.replace(
+                problem, sums=sums, theta=theta, pinned=pinned
+            )
         times = estimate.posterior.problem.times
         post = dataclasses.replace(problem, times=times).at(estimate.posterior.weights)
         if post is None:

@@ -26,12 +26,12 @@ def _cell(position, axis):
 @numba.njit(inline="always")
 @no_type_check
 def _weighed(residual, loss):
-    """Return ψ of a residual, and what it adds to the tally."""
-    per_scale, per_freedom, corner, limit, wild = loss
-    size = abs(residual) * per_scale
+    """Return ψ of a residual, and what it adds to the tally; a loss is the fields of `Loss`."""
+    scale, freedom, corner, limit, wild = loss
+    size = abs(residual) * (1.0 / scale)
     if not size <= limit:
         return 0.0, (0.0, 0.0, 0.0, 0.0, 0.0)
-    share = 1.0 / (1.0 + size * size * per_freedom)
+    share = 1.0 / (1.0 + size * size * (1.0 / freedom))
     slope = (2.0 * share - 1.0) * share
     if size > corner:
         share, slope = corner / size, 0.0

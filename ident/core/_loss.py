@@ -50,12 +50,6 @@ class Loss:
     wild_from: float = np.inf
 
     @property
-    def numbers(self) -> tuple[float, float, float, float, float]:
-        """1/scale, 1/freedom, corner, limit and wild_from: what the compiled sums need."""
-        per_scale, per_freedom = 1.0 / self.scale, 1.0 / self.freedom
-        return per_scale, per_freedom, self.corner, self.limit, self.wild_from
-
-    @property
     def unevenness(self) -> float:
         """Variance of ψ' over the square of its mean, where noise is Gaussian.
 

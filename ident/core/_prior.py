@@ -109,13 +109,11 @@ class Chain:
         ]
         return np.array([[_LEAST, np.log(high[0])], [_OFF, max(np.log(high[1]), _OFF)]])
 
-    def eigenvalues(self, weights: Vector) -> Vector:
-        """Return all eigenvalues of the penalty, ascending, those left free exactly 0."""
-        rows = [
-            np.sqrt(w) * block.toarray()
-            for w, block in zip(weights, self.rows, strict=True)
-            if w > 0.0
-        ]
+    @functools.lru_cache(maxsize=64)  # noqa: B019 (`chain` keeps them anyway)
+    def eigenvalues(self, second: float, fourth: float = 0.0) -> Vector:
+        """Return all eigenvalues for two weights, ascending, those left free exactly 0."""
+        weighed = zip((second, fourth), self.rows, strict=True)
+        rows = [np.sqrt(w) * block.toarray() for w, block in weighed if w > 0.0]
         result = np.zeros(self.size)
         if rows and self.size > self.free:
             # Squares of singular values: small ones keep their digits beside large ones.
@@ -237,7 +235,7 @@ class AbstractPrior(abc.ABC):
 
     @abc.abstractmethod
     def logdet(self, weights: Vector) -> float:
-        """Return the log of the product of the non-zero eigenvalues of the precision."""
+        """Return the log of the product of the non-zero eigenvalues, up to a constant."""
 
     def slopes(self, weights: Vector) -> Vector:
         """Return the slope of `logdet` over the logarithm of each weight; 0 for a weight of 0."""
@@ -297,11 +295,9 @@ class Independent(AbstractPrior):
     Attributes:
         matrix: Rows whose square is the precision at weight 1; the unit matrix for
             independent values, first differences for a random walk that starts at zero.
-        constant: Log-determinant of the precision at weight 1.
     """
 
     matrix: sp.csr_array
-    constant: float = 0.0
 
     @cached_property
     def rows(self) -> tuple[sp.csr_array, ...]:
@@ -312,8 +308,7 @@ class Independent(AbstractPrior):
         return np.zeros((int(np.asarray(self.matrix.shape)[1]), 0))
 
     def logdet(self, weights: Vector) -> float:
-        count = float(np.asarray(self.matrix.shape)[1])
-        return count * float(np.log(weights[0])) + self.constant
+        return float(np.asarray(self.matrix.shape)[1] * np.log(weights[0]))
 
 
 @final
@@ -346,14 +341,16 @@ class Smooth(AbstractPrior):
         if self.fast is not None:
             along = sp.eye_array(self.slow.size)
             blocks += [sp.kron(along, rows) for rows in self.fast.rows]
-        return tuple(_placed(sp.coo_array(block), self.order) for block in blocks)
+        # From places of the grid to the unknowns that stand there.
+        unit = sp.csr_array(sp.eye_array(len(self.order)))[self.order]
+        return tuple(sp.csr_array(block @ unit) for block in blocks)
 
     def logdet(self, weights: Vector) -> float:
         if self.fast is None:
             return self.branches * self.slow.logdet(weights)
-        across = _eigenvalues(self.fast, *weights[2:].tolist())
+        across = self.fast.eigenvalues(*weights[2:].tolist())
         if self.slow.size <= _LONG:
-            grid = _eigenvalues(self.slow, *weights[:2].tolist())[:, None] + across
+            grid = self.slow.eigenvalues(*weights[:2].tolist())[:, None] + across
             return float(np.log(grid[grid > 0.0]).sum())
         return sum(self.slow.logdet(weights[:2], value) for value in across)
 
@@ -380,15 +377,3 @@ class Smooth(AbstractPrior):
         result = np.zeros(grid.shape)
         result[self.order] = grid
         return result
-
-
-@functools.lru_cache(maxsize=64)
-def _eigenvalues(axis: Chain, second: float, fourth: float) -> Vector:
-    return axis.eigenvalues(np.array([second, fourth]))
-
-
-def _placed(rows: sp.coo_array, order: Int[np.ndarray, " n"]) -> sp.csr_array:
-    """Return rows over a grid as rows over the unknowns that stand there."""
-    row, column = rows.coords
-    shape = (int(np.asarray(rows.shape)[0]), len(order))
-    return sp.csr_array(sp.coo_array((rows.data, (row, order[column])), shape=shape))

@@ -297,7 +297,7 @@ def _by_loop(
     pairs = [(a, b) for a in range(4) for b in range(a + 1)]
     record = np.zeros((stack.band, len(pairs)))
     add_plane(
-        along, across, readings.value, axes, theta, loss.numbers,
+        along, across, readings.value, axes, theta, dataclasses.astuple(loss),
         full, record, sums.right, sums.tally, sums.support, residual,
     )  # fmt: skip
     for place, (a, b) in enumerate(pairs):

@@ -230,8 +230,3 @@ class Discovery:
         """What the data show and cannot tell apart."""
         doubt: Verdict = "the data cannot tell"
         return tuple(part for part in self.unexplained if part.verdict == doubt)
-
-    @property
-    def told(self) -> bool:
-        """Whether the data tell apart all that they show."""
-        return not self.confused

@@ -168,17 +168,10 @@ class Selection:
         """Mean square of the error, or of the current."""
         return float(np.mean(self.clean**2)) + self.view.level**2 or 1.0
 
-    @cached_property
-    def drift(self) -> Float[np.ndarray, " t"]:
-        """What a drift contributes to each reading."""
-        columns, values = self.columns.drift, self.groups.values
-        return np.asarray(columns @ values[len(values) - columns.shape[1] :])
-
-    @cached_property
-    def runs(self) -> Float[np.ndarray, " t"]:
-        """What offsets of runs and a drift contribute to each reading."""
-        columns = np.hstack([self.columns.runs, self.columns.drift])
-        values = self.groups.values
+    def slow(self, runs: bool = False) -> Float[np.ndarray, " t"]:
+        """Return what a drift, with it the offsets of runs, contributes to each reading."""
+        drift, values = self.columns.drift, self.groups.values
+        columns = np.hstack([self.columns.runs, drift]) if runs else drift
         return np.asarray(columns @ values[len(values) - columns.shape[1] :])
 
     def part(self, term: Term) -> Float[np.ndarray, " t"]:

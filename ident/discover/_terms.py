@@ -251,12 +251,14 @@ def compose(sizes: Mapping[Term, float], turning: Collection[str] = ()) -> list[
 
     There is no plane over axes that are turning.
     """
+    law = tuple(t for t in sizes if t.facts.part == "current" and t.facts.compensation)
+    words = ", ".join(term.words for term in law)
     return [
         *_along_itself(sizes),
         *_over_others(sizes, turning),
         *_by_heat(sizes),
         *_by_pushes(sizes),
-        *_by_friction(sizes),
+        *([Need("friction", law, words=f"{words}.")] if law else []),
         *(_unmatched(term, term.facts.why) for term in sizes if term.facts.why),
     ]
 
@@ -361,9 +363,3 @@ def _by_pushes(sizes: Mapping[Term, float]) -> Iterator[Need]:
         if any(term.kind is Kind.PUSH_WAY for term in members):
             keys["velocity_dependent"] = True
         yield Need("crosstalk", members, (master, *adaptation), None, keys, f"{words}.")
-
-
-def _by_friction(sizes: Mapping[Term, float]) -> Iterator[Need]:
-    law = tuple(t for t in sizes if t.facts.part == "current" and t.facts.compensation)
-    if law:
-        yield Need("friction", law, words=f"{', '.join(t.words for t in law)}.")

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ...data.units import small_unit
+from ..core import node_shares
 from ._columns import Design, followed, slow_functions, smooth
 from ._data import Drift, Unexplained, Verdict
 from ._evidence import Groups, robust_groups, weights_about
@@ -189,7 +190,8 @@ def look_for_confusion(
         return Confusion(others, hidden)
     shifts = [term for term in heat if term.kind is Kind.HEAT_OFFSET]
     # Where no temperature was found, the offset that changes most like the drift.
-    closest = max(shifts, key=lambda need: followed(chosen.drift, columns.of(need)))
+    slow = chosen.slow()
+    closest = max(shifts, key=lambda term: followed(slow, columns.of(term)))
     warm = [need.terms for need in needs if need.lead.kind in HEAT]
     terms = warm[0] if warm else (closest,)
     parts = [chosen.part(term) for term in chosen.terms if term not in terms]
@@ -308,7 +310,7 @@ def stays(
 
 def drifts(chosen: Selection) -> Iterator[Drift]:
     """Yield the drift of each measurement in which there is one, in the fewest pieces."""
-    view, course, time = chosen.view, chosen.drift, chosen.view.data.time
+    view, course, time = chosen.view, chosen.slow(), chosen.view.data.time
     if time is None or not chosen.columns.drift.shape[1]:
         return
     for rows in view.sources:
@@ -320,8 +322,7 @@ def drifts(chosen: Selection) -> Iterator[Drift]:
         pieces = 0
         for pieces in _PIECES:
             knots = np.linspace(clock.min(), clock.max(), pieces + 1)
-            hats = [np.interp(clock, knots, hat) for hat in np.eye(pieces + 1)]
-            share = followed(course[rows], np.stack(hats, axis=1))
+            share = followed(course[rows], node_shares(clock, knots))
             if rms * np.sqrt(1.0 - share) <= _FOLLOWED * chosen.noise:
                 break
         follow = f"{pieces} straight pieces follow it."
@@ -345,7 +346,7 @@ def wandering_runs(chosen: Selection) -> Iterator[Unexplained]:
     if view.channel != "error":
         return
     for rows in view.sources:
-        rms = float(np.std(chosen.runs[rows]))
+        rms = float(np.std(chosen.slow(runs=True)[rows]))
         least = max(_SLIGHT * chosen.noise, _MUCH * np.sqrt(chosen.square))
         if len(np.unique(view.data.run[rows])) > 1 and rms >= least:
             sentence = (

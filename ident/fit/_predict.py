@@ -1,7 +1,6 @@
 """What a fitted table says elsewhere, and what it says without some of its readings."""
 
 import dataclasses
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -13,11 +12,10 @@ from ..core import (
     GroupEffect,
     Stack,
     TableEffect,
-    leave_one_out,
     one_blas_thread,
     sums_by_group,
 )
-from ._result import fold_of, residual_of, result_of
+from ._result import folds_of, residual_of, result_of
 from ._types import Samples, TableFit
 
 
@@ -95,8 +93,8 @@ def zeroed(fit: TableFit, row: Float[np.ndarray, " n"]) -> TableFit:
 
 def leave_out(
     fit: TableFit, samples: Samples, groups: Int[np.ndarray, " t"]
-) -> Iterator[tuple[int, TableFit]]:
-    """Yield for each group the table fitted to all readings but those of the group.
+) -> dict[int, TableFit]:
+    """Return for each group the table fitted to all readings but those of the group.
 
     Smoothness and the weight that the loss leaves each reading are those of the fit of all
     samples by `fit_table`; values, noise and effects of runs are estimated anew. Arrays over
@@ -119,9 +117,7 @@ def leave_out(
                 )
                 shares = effect.by_group[np.tile(absent, effect.parts)]
                 zeros[label] = np.pad(shares, ((0, 0), (ahead, 0)))
-        posteriors = leave_one_out(estimate, sums, zeros, {})
-        folds = [(label, fold_of(fit, post)) for label, post in posteriors.items()]
-    yield from folds
+        return folds_of(fit, sums, zeros)
 
 
 def as_alike(fit: TableFit, samples: Samples, times: float) -> TableFit:

@@ -1,7 +1,7 @@
 """From an estimate to what is said of a table: deviations, runs, suspects."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import scipy.sparse as sp
@@ -20,6 +20,7 @@ from ..core import (
     Stack,
     Sums,
     TableEffect,
+    leave_one_out,
     sums_of,
 )
 from ._types import RunEffect, Samples, TableFit
@@ -164,14 +165,24 @@ def result_of(
     )
 
 
-def fold_of(fit: TableFit, post: Posterior) -> TableFit:
-    """Return the table of a fold's posterior: smoothness and loss are those of the whole fit."""
+def folds_of(
+    fit: TableFit,
+    groups: Mapping[int, Sums],
+    zeros: Mapping[int, Float[np.ndarray, "q m"]],
+) -> dict[int, TableFit]:
+    """Return the table without each group of readings, as `leave_one_out` takes them.
+
+    Smoothness and loss are those of the whole fit.
+    """
     assert fit.estimate is not None  # that of all readings has one
-    estimate = dataclasses.replace(fit.estimate, posterior=post, stated=True)
-    count = int(post.problem.count)
-    fold = result_of(fit.layout, estimate, fit.loss, count=count)
-    fold = fold if fit.keeps is None else fit.keeps(fold)
-    return dataclasses.replace(fold, estimate=None)
+    folds = {}
+    for label, post in leave_one_out(fit.estimate, groups, zeros, {}).items():
+        estimate = dataclasses.replace(fit.estimate, posterior=post, stated=True)
+        count = int(post.problem.count)
+        fold = result_of(fit.layout, estimate, fit.loss, count=count)
+        fold = fold if fit.keeps is None else fit.keeps(fold)
+        folds[label] = dataclasses.replace(fold, estimate=None)
+    return folds
 
 
 def _run_effects(

@@ -23,12 +23,11 @@ from ..core import (
     Sums,
     TableEffect,
     least_scale,
-    leave_one_out,
     one_blas_thread,
     sums_of,
 )
 from ._reconsider import crowded
-from ._result import Judged, fold_of, none_left_out, result_of
+from ._result import Judged, folds_of, none_left_out, result_of
 from ._table import TOO_MANY, fixed_weights, level_of
 from ._types import Extent, Samples, Smoothness, TableFit
 
@@ -62,12 +61,8 @@ class StreamedFit:
     @cached_property
     def folds(self) -> dict[int, TableFit]:
         """By group, the table fitted to all readings but those of the group."""
-        estimate = self.fit.estimate
-        assert estimate is not None
         with one_blas_thread():
-            groups = self.groups
-            posteriors = leave_one_out(estimate, groups, {}, {}) if groups else {}
-        return {label: fold_of(self.fit, post) for label, post in posteriors.items()}
+            return folds_of(self.fit, self.groups, {}) if self.groups else {}
 
     def judged(self, samples: Samples) -> Judged:
         """Return what the loss leaves of some readings."""

@@ -272,7 +272,7 @@ class Lattice(AbstractPrior):
     @cached_property
     def _sizes(self) -> Float[np.ndarray, "k n"]:
         """Eigenvalues of each term at weight 1, of the shapes that they have in common."""
-        each = [axis.eigenvalues(np.array([1.0, 0.0])) for axis in self.chains]
+        each = [axis.eigenvalues(1.0) for axis in self.chains]
         return np.stack([own.ravel() for own in np.meshgrid(*each, indexing="ij")])
 
     def logdet(self, weights: Float[np.ndarray, " k"]) -> float:

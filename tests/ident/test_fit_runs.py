@@ -203,14 +203,14 @@ def test_left_out_run_is_not_in_its_fit() -> None:
     samples = runs()
     assert samples.run is not None
     fit = fit_table(LAYOUT, samples, run_effects="drift")
-    folds = dict(leave_out(fit, samples, samples.run))
+    folds = leave_out(fit, samples, samples.run)
     assert list(folds) == list(range(RUNS))
     for run, fold in folds.items():
         assert fold.smoothness == pytest.approx(fit.smoothness)
         assert fold.loss == fit.loss
         # Whatever the left-out run says changes nothing.
         spoilt = changed(samples, samples.run == run, 7.0)
-        again = dict(leave_out(fit, spoilt, samples.run))[run]
+        again = leave_out(fit, spoilt, samples.run)[run]
         np.testing.assert_array_equal(again.values, fold.values)
 
 
@@ -219,7 +219,7 @@ def test_left_out_runs_scatter_as_predicted() -> None:
     assert samples.run is not None
     fit = fit_table(LAYOUT, samples)
     residual, spread = np.zeros(410), np.zeros(410)
-    for run, fold in leave_out(fit, samples, samples.run):
+    for run, fold in leave_out(fit, samples, samples.run).items():
         own = samples.run == run
         assert samples.branch is not None
         mean, deviation = predict(fold, samples.positions[own], samples.branch[own])
@@ -234,7 +234,7 @@ def test_leaving_out_needs_two_groups() -> None:
     samples = runs()
     fit = fit_table(LAYOUT, samples)
     with pytest.raises(FitError, match="at least two groups of readings, found one"):
-        next(leave_out(fit, samples, np.zeros(410, np.int64)))
+        leave_out(fit, samples, np.zeros(410, np.int64))
 
 
 @pytest.mark.parametrize(
@@ -277,7 +277,7 @@ def test_left_out_blocks_are_bridged_within_their_stated_deviation() -> None:
     fit = fit_table(layout, samples)
     group = spatial_blocks(layout, samples, count=4)
     ratio = []
-    for block, fold in leave_out(fit, samples, group):
+    for block, fold in leave_out(fit, samples, group).items():
         own = group == block
         mean, deviation = predict(fold, positions[own])
         spread = np.hypot(deviation, fold.noise)

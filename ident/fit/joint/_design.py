@@ -61,30 +61,13 @@ class Course:
     counted: tuple[bool, ...] = ()
 
     @property
-    def offsets(self) -> Float[np.ndarray, "i k"]:
-        """Share of each knot of the drift of a run at each instant."""
-        place = np.arange(self.pieces * self.steps + 1) / self.steps
-        distance = np.abs(place[:, None] - np.arange(self.pieces + 1))
-        return np.maximum(1.0 - distance, 0.0)
-
-    @property
-    def bridges(self) -> Float[np.ndarray, "i b"]:
-        """Share of each value of the bridges of a run: instants between the knots."""
-        instants = np.arange(self.pieces * self.steps + 1)
-        return np.eye(len(instants))[:, instants % self.steps > 0]
-
-    @property
     def walk(self) -> Independent:
         """Prior of the bridges: a walk, of which a step of mean length has weight 1."""
-        inner = self.steps - 1
-        steps = np.diff(np.eye(inner + 2), axis=0)[:, 1:-1]
+        steps = np.diff(np.eye(self.steps + 1), axis=0)[:, 1:-1]
         length = np.array([high - low for low, high in self.spans])
         length = np.maximum(length, max(1e-6 * float(length.max()), 1e-300))
         share = np.repeat(length.mean() / length, self.pieces)
-        rows = sp.csr_array(sp.kron(sp.diags_array(np.sqrt(share)), steps))
-        # The determinant of tridiag(-1, 2, -1) is its size and one.
-        constant = len(share) * np.log(self.steps) + inner * np.log(share).sum()
-        return Independent(rows, float(constant))
+        return Independent(sp.csr_array(sp.kron(sp.diags_array(np.sqrt(share)), steps)))
 
     def columns(
         self, data: JointData, axis: str, rows: Int[np.ndarray, " r"]
@@ -110,7 +93,12 @@ class Course:
         shares = np.concatenate([inside * (1.0 - right), inside * right])
         shape = (len(rows), len(labels) * (cells + 1))
         at = sp.csr_array((shares, entries), shape=shape)
-        parts = {Rank.RUNS: self.offsets, Rank.WANDER: self.bridges}
+        # At each instant of a run: shares of the knots of its drift, and of the bridges between.
+        instants = np.arange(cells + 1)
+        distance = np.abs(instants[:, None] / self.steps - np.arange(self.pieces + 1))
+        knots = np.maximum(1.0 - distance, 0.0)
+        bridges = np.eye(cells + 1)[:, instants % self.steps > 0]
+        parts = {Rank.RUNS: knots, Rank.WANDER: bridges}
         unit = sp.eye_array(len(labels))
         return {
             rank: sp.csr_array(at @ sp.kron(unit, block, format="csr"))

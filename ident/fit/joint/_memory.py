@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, final
 import numpy as np
 from jaxtyping import Float, Int
 
+from ....data.signals import last_direction
 from ...core import DriftNoise, Spread, find_drift, scatter_of_sums
 from .._identifiable import SINGULAR, pivoted
 from .._result import doubt_of_means
@@ -49,16 +50,16 @@ class Memory:
     fit: "AxisFit"
 
     @cached_property
-    def time(self) -> Float[np.ndarray, " r"] | None:
-        """Instant of each reading in s; None without a clock."""
-        time = self.fit.design.data.time
-        return None if time is None else np.asarray(time)[self.fit.design.rows]
+    def clock(self) -> Float[np.ndarray, " r"]:
+        """Instant of each reading in s; its row where one that is believed has none."""
+        time, rows = self.fit.design.data.time, self.fit.design.rows
+        known = time is not None and np.isfinite(time[rows[self._believed]]).all()
+        return np.asarray(time[rows] if known and time is not None else rows, float)
 
     @cached_property
     def order(self) -> Int[np.ndarray, " r"]:
-        """Order in which readings were taken: that of their instants, if known."""
-        count = np.arange(len(self.fit.pseudo))
-        return count if self.time is None else np.argsort(self.time, kind="stable")
+        """Order in which readings were taken."""
+        return np.argsort(self.clock, kind="stable")
 
     @cached_property
     def pseudo(self) -> Float[np.ndarray, " r"]:
@@ -77,7 +78,7 @@ class Memory:
         if self.drift is None:
             return times(white, np.sqrt(self._swell[places]))
         scatter, moves = self.fit.estimate.scatter[0], self._moves[:, places]
-        more = scatter_of_sums(self.drift, self._clock, moves)
+        more = scatter_of_sums(self.drift, self.clock[self._believed], moves)
         more -= scatter * (moves.T @ moves)
         result = white + (more if white.ndim > 1 else np.diag(more))
         variance = np.diag(result) if white.ndim > 1 else result
@@ -98,7 +99,9 @@ class Memory:
         if self.drift is not None and direction.any():
             column = direction[self._believed, None]
             white = self.fit.estimate.scatter[0] * np.square(column).sum()
-            drifting = scatter_of_sums(self.drift, self._clock, column)[0, 0]
+            drifting = scatter_of_sums(self.drift, self.clock[self._believed], column)[
+                0, 0
+            ]
             swell = max(swell, float(drifting / white))
         return swell
 
@@ -114,7 +117,7 @@ class Memory:
             column = lag.direction[self._believed, None]
             columns.append(column / max(float(np.abs(column).max()), 1e-300))
         pseudo = self.pseudo[self._believed]
-        return drift_beside(self._clock, np.hstack(columns), pseudo)
+        return drift_beside(self.clock[self._believed], np.hstack(columns), pseudo)
 
     @cached_property
     def _stretches(
@@ -155,14 +158,7 @@ class Memory:
     @cached_property
     def _believed(self) -> Int[np.ndarray, " s"]:
         """Readings that are believed."""
-        return np.flatnonzero(self.pseudo != 0.0)
-
-    @property
-    def _clock(self) -> Float[np.ndarray, " s"]:
-        """Their instants in s; their order where one of these was not recorded."""
-        if self.time is not None and np.isfinite(self.time[self._believed]).all():
-            return np.asarray(self.time[self._believed], float)
-        return np.asarray(self.fit.design.rows[self._believed], float)
+        return np.flatnonzero(self.fit.pseudo != 0.0)
 
     @cached_property
     def _moves(self) -> Float[np.ndarray, "s n"]:
@@ -180,7 +176,7 @@ class Memory:
         apart = doubt_of_means(effects)[0] * np.sqrt(len(effects))
         most = np.square(apart * np.abs(runs.T @ moves).sum(axis=0))
         assert self.drift is not None  # asked for only then
-        moved = np.diag(scatter_of_sums(self.drift, self._clock, levels))
+        moved = np.diag(scatter_of_sums(self.drift, self.clock[self._believed], levels))
         kept = np.sqrt(np.minimum(most / np.maximum(moved, 1e-300), 1.0))
         return np.asarray(moves - (1.0 - kept) * levels)
 
@@ -247,10 +243,7 @@ def without_turns(
     for position in positions:
         # Where a position is not known, nothing moves.
         steps = np.nan_to_num(np.diff(position[order], prepend=position[order[:1]]))
-        moves = np.flatnonzero(steps)
-        # What stands keeps the direction of the last move; the first one, that of the next.
-        last = np.searchsorted(moves, np.arange(len(steps)), side="right") - 1
-        signs = np.sign(steps[moves])[np.maximum(last, 0)] if len(moves) else steps
+        signs = last_direction(steps, 0.0)
         stretch = np.cumsum(np.diff(signs, prepend=signs[:1]) != 0.0)
         count = np.bincount(stretch, believed[order])
         mean = np.bincount(stretch, pseudo[order]) / np.maximum(count, 1.0)

@@ -286,7 +286,7 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
         if along.shape[1] == 1 and len(along) >= LOG:
             passes = groups_of_passes(along[:, 0], readings.order)
         groups = spatial_blocks(fit.layout, samples) if passes is None else passes
-    folds = dict(leave_out(fit, samples, groups))
+    folds = leave_out(fit, samples, groups)
     heldout = held_out(
         table, samples, folds, groups, plan.integers, before, acted, by_run=repeated
     )

@@ -89,7 +89,7 @@ def test_all_compensations_at_once_are_named_and_no_other(whole: Discovery) -> N
         ("plane", "Z", ("X", "Y")),
         ("temperature", "Z", ()),
     }
-    assert whole.told
+    assert not whole.confused
     assert not whole.unexplained
 
 
@@ -324,7 +324,7 @@ def test_masters_that_moved_together_are_said_and_not_guessed(
     recorded = virtual.observe(motion, {"Z": [virtual.line("X", 5, 0.004)]}, 1)
     found = discover(recorded, ("X", "Y", "Z"))
     assert not found.found
-    assert not found.told
+    assert found.confused
     (sentence,) = doubts(found)
     assert sentence.startswith(
         "The data cannot tell: cross of Z over X or cross of Z over Y"
@@ -368,7 +368,7 @@ def test_temperature_that_rises_with_position_is_said_and_not_guessed(
 
     found = discover(virtual.observe(motion, {"X": [grows]}, 1), ("X",))
     assert not found.found
-    assert not found.told
+    assert found.confused
     (sentence,) = doubts(found)
     assert "temperature" in sentence
     assert "leadscrew of X" in sentence

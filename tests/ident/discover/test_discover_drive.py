@@ -97,7 +97,7 @@ def test_one_direction_only_cannot_tell_friction_from_load() -> None:
     place, current = drive(velocity)
     found = recorded(velocity, 0.004, current, place)
     assert not found.found
-    assert not found.told
+    assert found.confused
     assert "one direction only" in found.unexplained[0].sentence
 
 
