@@ -176,8 +176,7 @@ class TableEffect(AbstractEffect):
                 return Smooth(second, first, 1, order, (2, 1))
             return Smooth(first, second, 1, order, (1, 2))
         axis = chain(self.nodes[0], self.periodic)
-        order = self.place.reshape(self.branches, -1)[:, : axis.size].reshape(-1)
-        return Smooth(axis, None, self.branches, order)
+        return Smooth(axis, None, self.branches, self.unknowns)
 
     def design(self, readings: Readings) -> Design:
         columns = [readings.inputs[name] for name in self.inputs]

@@ -243,7 +243,8 @@ class Posterior:
             else:
                 selected, slots = self._selected
                 inverse = selected[term.column, slots[term.row - term.column]]
-            result[k] = self.weights[k] * float(term.doubled @ inverse)
+            both = np.where(term.row == term.column, term.data, 2.0 * term.data)
+            result[k] = self.weights[k] * float(both @ inverse)
         return result
 
     @property
@@ -286,9 +287,3 @@ class Posterior:
         both = lower | {-k: diagonal for k, diagonal in lower.items()}
         places: Any = [*both]
         return sp.csr_array(sp.diags_array([*both.values()], offsets=places))
-
-    def about(self) -> Problem:
-        """Return the problem of the same sums about these values, so that digits are kept."""
-        problem = self.problem
-        sums = problem.sums.moved(self.values - problem.theta, problem.gain)
-        return dataclasses.replace(problem, sums=sums, theta=self.values)

@@ -127,11 +127,8 @@ def find_drift(
     if free < _FEW or chain.size < _FEW or not square > 0:
         return white_only
     right = np.column_stack([columns, residual])
-    gram, gathered, counts = (
-        right.T @ right,
-        chain.gather(right),
-        np.bincount(chain.index),
-    )
+    gram, gathered = right.T @ right, chain.gather(right)
+    counts = np.bincount(chain.index)
 
     def deviance(sums: Float[np.ndarray, "m m"], spread: float) -> tuple[float, float]:
         """Return minus twice the log-likelihood, and the variance of a reading.
@@ -193,9 +190,7 @@ def find_drift(
 
 
 def scatter_of_sums(
-    noise: DriftNoise,
-    time: Float[np.ndarray, " t"],
-    columns: Float[np.ndarray, "t k"],
+    noise: DriftNoise, time: Float[np.ndarray, " t"], columns: Float[np.ndarray, "t k"]
 ) -> Float[np.ndarray, "k k"]:
     """Return the covariance of the sums Σ x r of residuals r that scatter so."""
     parts = noise.likely or ((noise.white**2, noise.drift**2, noise.time_constant),)

@@ -251,7 +251,8 @@ class Passes:
     def _least_squares(self, matrix: Sums, theta: Vector) -> Posterior:
         problem = Problem.of(matrix, theta, pins=self.pins)
         # About the values themselves the sums keep all their digits.
-        problem = _known(problem.at(self._light(problem))).about()
+        values = _known(problem.at(self._light(problem))).values
+        problem = Problem.of(matrix.moved(values - theta), values, pins=self.pins)
         if self.weights is None:
             return _known(choose_weights(problem))
         return _known(problem.at(self.weights(problem)))

@@ -49,11 +49,6 @@ class Term:
         return cls(whole, gram, row, column, lower.data[keep], border)
 
     @cached_property
-    def doubled(self) -> Float[np.ndarray, " e"]:
-        """Elements counted for both triangles."""
-        return np.where(self.row == self.column, self.data, 2.0 * self.data)
-
-    @cached_property
     def distances(self) -> frozenset[int]:
         """Of the elements from the diagonal."""
         return frozenset(np.unique(self.row - self.column).tolist())

@@ -40,8 +40,4 @@ from ._table import (
     fit_table as fit_table,
     fit_values as fit_values,
 )
-from ._types import (
-    RunEffect as RunEffect,
-    Samples as Samples,
-    TableFit as TableFit,
-)
+from ._types import RunEffect as RunEffect, Samples as Samples, TableFit as TableFit

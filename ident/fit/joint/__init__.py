@@ -10,7 +10,6 @@ and `_memory` (noise that remembers), and `_fit` (what goes in and comes out).
 from ..._recording import JointData as JointData
 from ._effect import (
     AbstractEffect as AbstractEffect,
-    Block as Block,
     Number as Number,
     is_number as is_number,
     numbers_of as numbers_of,
@@ -22,11 +21,7 @@ from ._fit import (
     fit_joint as fit_joint,
     held_out_errors as held_out_errors,
 )
-from ._motion import (
-    Backlash as Backlash,
-    Crosstalk as Crosstalk,
-    Delay as Delay,
-)
+from ._motion import Backlash as Backlash, Crosstalk as Crosstalk, Delay as Delay
 from ._tables import (
     AbstractTable as AbstractTable,
     Cross as Cross,

@@ -295,7 +295,7 @@ def _estimated(
     rough: bool = False,
 ) -> Estimate:
     """Return the fit of the stack for given lags."""
-    error, pins = design.error, design.pins
+    error = design.error
     if isinstance(smoothness, Mapping):
         names = design.weights
         stated = [smoothness.get(part, {}).get(name, 0.0) for part, name in names]
@@ -311,9 +311,6 @@ def _estimated(
     start = np.zeros(design.size)
     start[design.datum] = float(np.median(error))
     over = memory(design.stack, Readings(error, {}), design.columns)
-    floor, held = (
-        max(least_scale(error), design.steps.size),
-        pins if pins.any() else None,
-    )
-    passes = Passes(design.stack, over, loss, weights, floor, held, rough)
+    floor = max(least_scale(error), design.steps.size)
+    passes = Passes(design.stack, over, loss, weights, floor, design.pins, rough)
     return passes.run(start, near)

@@ -239,11 +239,6 @@ class Design:
             least[places] = _REACHED * np.square(sizes if mixed else sizes.max())
         return np.asarray((self.diagonal >= least) & (self.diagonal > 0.0))
 
-    @cached_property
-    def touched(self) -> Float[np.ndarray, " n"]:
-        """How much the readings touch each unknown, relative to their number."""
-        return np.asarray(abs(self.columns).sum(axis=0)) / len(self.rows)
-
 
 def design_of(
     axis: str,

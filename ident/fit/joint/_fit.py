@@ -246,14 +246,16 @@ def _parts(fit: AxisFit) -> Iterator[Part]:
     weights = zip(fit.design.weights, post.weights.tolist(), strict=True)
     for (part, name), weight in weights:
         smoothness.setdefault(part, {})[name] = weight
+    stated = [part.owner for part in fit.design.stated]
     for effect in fit.design.effects:
         places = fit.design.places_of(effect.name)
+        shares = zip(known.share, stated, strict=True)
         yield Part(
             effect=effect,
             values=fit.theta[places],
             support=post.problem.sums.support[places],
             determined=~known.unknown[places],
-            share=known.share_of(effect.name),
+            share=min(share for share, owner in shares if owner == effect.name),
             contribution=effect.curve(fit.theta[places], fit.design.data),
             fit=fit,
             smoothness=smoothness.get(effect.name, {}),

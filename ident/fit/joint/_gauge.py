@@ -134,6 +134,7 @@ def _eliminated(
 ) -> Float[np.ndarray, "q n"]:
     """Return functionals that fix null directions, the least simple effect giving way first."""
     remaining = null / np.maximum(np.linalg.norm(null, axis=0), 1e-300)
+    touched = np.asarray(abs(design.columns).sum(axis=0)) / len(design.rows)
     rows: list[Float[np.ndarray, "_ n"]] = [np.zeros((0, design.size))]
     for part in sorted(reversed(design.components), key=lambda part: part.rank):
         if not remaining.shape[1]:
@@ -148,7 +149,7 @@ def _eliminated(
             continue
         weights = part.reference if rank == 1 else None
         if weights is None:
-            weights = left[:, :rank].T * design.touched[part.places]
+            weights = left[:, :rank].T * touched[part.places]
         functional = np.zeros((rank, design.size))
         functional[:, part.places] = weights
         rows.append(functional)

@@ -59,11 +59,6 @@ class Identified:
     confused: tuple[Shared, ...]
     nearly: tuple[Shared, ...]
 
-    def share_of(self, effect: str) -> float:
-        """Return the information left of an effect: of its weakest component."""
-        stated = zip(self.share, self.design.stated, strict=True)
-        return min(share for share, component in stated if component.owner == effect)
-
     def variances(self, post: Posterior) -> Float[np.ndarray, " n"]:
         """Return the variance of each unknown under the rules, per variance of one reading."""
         plain, rules = post.inverse_diagonal, self.rules

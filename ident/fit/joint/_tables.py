@@ -98,9 +98,7 @@ class AbstractTable(AbstractEffect):
 
     def table(self, values: Float[np.ndarray, " p"]) -> Float[np.ndarray, "..."]:
         """Return ``(n,)``, ``(2, n)`` or ``(n2, n1)``; the end of a ring repeated."""
-        unknowns = np.empty_like(values)
-        unknowns[self.table_effect.unknowns] = values
-        return self.table_effect.to_table(unknowns)
+        return self.table_effect.to_table(values[self._place])
 
     def offsets(
         self, model: Any, *places: Float[np.ndarray, " _n"]

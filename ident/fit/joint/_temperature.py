@@ -284,11 +284,9 @@ class Temperature(AbstractEffect):
         self, values: Shaped[np.ndarray, " p"]
     ) -> dict[str, Shaped[np.ndarray, " _n"]]:
         """Return the values by parameter."""
-        result, first = {}, 0
-        for law, nodes in self.nodes.items():
-            result[law] = values[first : first + len(nodes)]
-            first += len(nodes)
-        return result
+        nodes = self.nodes
+        ends = np.cumsum([len(places) for places in nodes.values()])
+        return dict(zip(nodes, np.split(values, ends[:-1]), strict=True))
 
 
 def _spread(low: float, high: float, count: int) -> Float[np.ndarray, " _n"]:
