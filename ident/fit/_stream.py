@@ -10,7 +10,7 @@ import itertools
 import operator
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property
-from typing import Any, final
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -104,8 +104,9 @@ def fit_streamed(
     first = next((error for error in pieces if len(error)), np.zeros(1))
     stack, passes = Stack((layout,)), itertools.count()
 
-    def sum_up(work: _SumUp) -> _Summed:
+    def sum_up(*asked: Any) -> _Summed:
         next(passes)
+        work = functools.partial(_summed, layout, *asked)
         total = functools.reduce(operator.add, apply(work, parts), _NOTHING)
         if not total.groups:
             msg = "found no readings, expected at least one per node."
@@ -117,7 +118,7 @@ def fit_streamed(
 
         def over(theta: Float[np.ndarray, " u"], by: Loss, former: Sums | None) -> Sums:
             groups = None if firsts else grouping
-            sums = sum_up(_SumUp(layout, theta, by, former is None, groups))
+            sums = sum_up(theta, by, former is None, groups, False)
             if not firsts:
                 sums.extent.check(layout, stack.free, allow_gaps=False)
                 firsts.append(sums)
@@ -128,7 +129,7 @@ def fit_streamed(
         last, nodes, crowds = firsts[0], None, 0
         if loss != "gauss":
             about, by = fitted.about, fitted.loss
-            last = sum_up(_SumUp(layout, about, by, True, grouping, True))
+            last = sum_up(about, by, True, grouping, True)
             nodes, crowds = last.nodes, int(crowded(last.nodes).sum())
         count, spread = int(last.extent.counts.sum()), float(np.ptp(first))
         fit = result_of(layout, fitted, loss, count=count, spread=spread, nodes=nodes)
@@ -177,33 +178,29 @@ _NOWHERE = Extent(np.zeros(1, np.int64), np.full(1, np.inf), np.full(1, -np.inf)
 _NOTHING = _Summed({}, _NOWHERE, np.zeros((3, 1)))
 
 
-@final
-@dataclasses.dataclass(frozen=True)
-class _SumUp:
-    """One pass: gives the sums of a part of the readings about an estimate, as it is asked for."""
-
-    layout: TableEffect
-    theta: Float[np.ndarray, " u"]
-    loss: Loss
-    full: bool
-    grouping: Grouping | None = None
-    nodes: bool = False
-
-    def __call__(self, part: Part) -> _Summed:
-        pieces = (self._of(samples) for samples in part() if len(samples.error))
-        return functools.reduce(operator.add, pieces, _NOTHING)
-
-    def _of(self, samples: Samples) -> _Summed:
-        extent = Extent.of(self.layout, samples)
-        stack, split = Stack((self.layout,)), {0: samples}
-        former = None if self.full else Sums.empty(stack)
-        if self.grouping is not None:
-            labels = self.grouping(samples)
+def _summed(
+    layout: TableEffect,
+    theta: Float[np.ndarray, " u"],
+    loss: Loss,
+    full: bool,
+    grouping: Grouping | None,
+    nodes: bool,
+    part: Part,
+) -> _Summed:
+    """Return the sums of a part of the readings about an estimate, as they are asked for."""
+    stack, total = Stack((layout,)), _NOTHING
+    former = None if full else Sums.empty(stack)
+    for samples in part():
+        if not len(samples.error):
+            continue
+        split, groups, seen = {0: samples}, {}, np.zeros((3, 1))
+        if grouping is not None:
+            labels = grouping(samples)
             split = {int(g): samples.take(labels == g) for g in np.unique(labels)}
-        groups, nodes = {}, np.zeros((3, 1))
         for label, group in split.items():
-            about = stack, group.readings, self.theta, self.loss
+            about = stack, group.readings, theta, loss
             groups[label], _ = sums_of(*about, former)
-            if self.nodes:
-                nodes = nodes + Judged.of(*about).nodes
-        return _Summed(groups, extent, nodes)
+            if nodes:
+                seen = seen + Judged.of(*about).nodes
+        total = total + _Summed(groups, Extent.of(layout, samples), seen)
+    return total
