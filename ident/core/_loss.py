@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.special import gammaln
 
+from ...data.signals import NORMAL
 from ._readings import FitError
 
 LOSSES = "student", "huber", "trim", "gauss"
@@ -84,20 +85,20 @@ class Loss:
 
 def choose_loss(
     name: str,
-    residual: Float[np.ndarray, " t"],
+    size: Float[np.ndarray, " t"],
     inflation: float,
     floor: float,
-    count: Int[np.ndarray, " t"] | None = None,
+    count: Int[np.ndarray, " t"],
     freedoms: tuple[float, ...] = FREEDOMS,
 ) -> Loss:
     """Return the loss with its scale taken from the residuals.
 
     Args:
         name: ``"student"``, ``"huber"``, ``"gauss"``, or ``"trim"``: least squares but for wild.
-        residual: Residuals.
+        size: Of residuals, ascending.
         inflation: Factor ≥ 1 that undoes the shrinkage of residuals by the fitted parameters.
         floor: Smallest scale.
-        count: How many readings have each residual; None: one. Then they must ascend in size.
+        count: How many readings have each size.
         freedoms: Degrees of freedom of Student's t to choose from; of several the heaviest
             tails, unless there are plenty of readings.
 
@@ -107,14 +108,9 @@ def choose_loss(
     if name not in LOSSES:
         msg = f"loss: found {name!r}, expected 'student', 'huber', 'trim' or 'gauss'."
         raise FitError(msg)
-    size = np.abs(residual)
-    total = len(size) if count is None else int(count.sum())
-    if count is None:
-        median = float(np.median(size))
-    else:
-        median = float(size[np.searchsorted(np.cumsum(count), 0.5 * total)])
-    # 1.4826 makes the median of magnitudes the standard deviation of Gaussian noise.
-    robust = max(1.4826 * median * inflation, floor)
+    total = int(count.sum())
+    median = float(size[np.searchsorted(np.cumsum(count), 0.5 * total)])
+    robust = max(NORMAL * median * inflation, floor)
     if name == "gauss":
         return Loss(robust)
     if name == "trim":
@@ -125,7 +121,7 @@ def choose_loss(
     limit = WILD * (1.0 + FEW * inflation**2 / total)
     inner = size <= limit * robust / inflation
     square = np.square(size[inner] * inflation)
-    counts = np.ones(len(square)) if count is None else count[inner].astype(float)
+    counts = count[inner].astype(float)
     # Too few readings cannot tell the tails: stay with heavy ones.
     trials = freedoms if counts.sum() >= _PLENTY else freedoms[:1]
     fits = [

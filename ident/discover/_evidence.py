@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.linalg import cho_factor, cho_solve, get_lapack_funcs
 
+from ...data.signals import NORMAL
 from ..core import choose_loss
 
 (_INVERSE,) = get_lapack_funcs(["potri"], dtype=np.float64)
@@ -199,11 +200,13 @@ def robust_groups(
 
 def scatter_of(residual: Float[np.ndarray, " t"]) -> float:
     """Return the standard deviation that the middle half of residuals has."""
-    return choose_loss("gauss", residual - np.median(residual), 1.0, 1e-12).scale
+    off = np.abs(residual - np.median(residual))
+    return max(NORMAL * float(np.median(off)), 1e-12)
 
 
 def weights_about(residual: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
     """Return how much each reading counts; 1 in the mean, 0 where it is wild."""
-    loss = choose_loss("student", residual, 1.0, 1e-12)
+    size, once = np.sort(np.abs(residual)), np.ones(len(residual), np.int64)
+    loss = choose_loss("student", size, 1.0, 1e-12, once)
     share = loss.share(residual / loss.scale)
     return np.asarray(share / np.mean(share[share > 0]))

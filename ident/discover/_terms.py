@@ -6,7 +6,7 @@ Compensations are composed of the terms that were found.
 import dataclasses
 import enum
 from collections.abc import Collection, Iterator, Mapping
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Literal
 
 
@@ -37,6 +37,9 @@ class Facts:
         return [(name, owner, int(limit)) for name, owner, limit, *_ in parts]
 
 
+_Heat, _Late, _Drive = (partial(Facts, part=p) for p in ("heat", "late", "current"))
+
+
 class Kind(enum.Enum):
     """How a term depends on what was recorded."""
 
@@ -47,22 +50,16 @@ class Kind(enum.Enum):
     SURFACE = Facts(
         "plane of {axis} over {all}", "line first 10 x line second 10", "plane"
     )
-    HEAT_OFFSET = Facts(
-        "temperature offset of {axis} by {sensor}",
-        "heat sensor 2",
-        "temperature",
-        part="heat",
+    HEAT_OFFSET = _Heat(
+        "temperature offset of {axis} by {sensor}", "heat sensor 2", "temperature"
     )
-    HEAT_SLOPE = Facts(
+    HEAT_SLOPE = _Heat(
         "temperature coefficient of {axis} by {sensor}",
         "middle axis x heat sensor 2",
         "temperature",
-        part="heat",
     )
-    HEAT_CHANGE = Facts(
-        "temperature coefficient of {axis} by {sensor}",
-        "middle axis x heat sensor 2",
-        part="heat",
+    HEAT_CHANGE = _Heat(
+        "temperature coefficient of {axis} by {sensor}", "middle axis x heat sensor 2"
     )
     PUSH = Facts("crosstalk of {axis} from {first}", "push first 4", "crosstalk")
     PUSH_WAY = Facts(
@@ -72,10 +69,9 @@ class Kind(enum.Enum):
         "crosstalk of {axis} from {first}, adapted to {rest}",
         "push first 2 x line second 4",
     )
-    PUSH_PLACES = Facts(
+    PUSH_PLACES = _Late(
         "crosstalk of {axis} from {first}, adapted to {rest}",
         "push first 2 x line second 4 x line third 4",
-        part="late",
     )
     SPEED = Facts(
         "error of {axis} that follows its velocity",
@@ -109,54 +105,47 @@ class Kind(enum.Enum):
         "line axis 6 x line first 6",
         why=", and a plane cannot have the compensated axis as a master.",
     )
-    GROWTH = Facts(
+    GROWTH = _Late(
         "error of {axis} over {axis} that grows with time",
         "middle axis x time axis",
-        part="late",
         why=", as heat makes it: no recorded temperature follows it. Record the temperature"
         " of scale and screw.",
     )
-    HEAT_LINE = Facts(
+    HEAT_LINE = _Late(
         "error of {axis} over {first} that grows with {sensor}",
         "middle first x heat sensor",
-        part="late",
         why=", and temperature compensation is along the own axis only.",
     )
-    INERTIA = Facts("inertia of {axis}", "pull axis", part="current")
-    COULOMB = Facts("Coulomb", "sign axis", "friction", part="current")
-    VISCOUS = Facts("viscous", "speed axis", "friction", part="current")
-    DRAG = Facts("square of the velocity", "drag axis", "friction", part="current")
-    VISCOUS_WAY = Facts(
+    INERTIA = _Drive("inertia of {axis}", "pull axis")
+    COULOMB = _Drive("Coulomb", "sign axis", "friction")
+    VISCOUS = _Drive("viscous", "speed axis", "friction")
+    DRAG = _Drive("square of the velocity", "drag axis", "friction")
+    VISCOUS_WAY = _Drive(
         "direction-dependent viscous friction of {axis}",
         "magnitude axis",
         why=": a friction list has one curve for both directions.",
-        part="current",
     )
-    LOAD_PLACE = Facts(
+    LOAD_PLACE = _Drive(
         "position-dependent load of {axis}",
         "line axis 12",
-        part="current",
         why=": weight or cogging is no friction, and a list has no position.",
     )
-    COULOMB_PLACE = Facts(
+    COULOMB_PLACE = _Drive(
         "position-dependent friction of {axis}",
         "sign axis x line axis 12",
         why=": a friction list knows the velocity only.",
-        part="current",
     )
-    COULOMB_HEAT = Facts(
+    COULOMB_HEAT = _Drive(
         "friction of {axis} that changes with {sensor}",
         "sign axis x heat sensor",
         why=": a friction list knows the velocity only. Record it warm.",
-        part="current",
     )
-    COULOMB_TIME = Facts(
+    COULOMB_TIME = _Late(
         "friction of {axis} that changes over the recording",
         "sign axis x time axis",
         why=": a friction list has no time. Run the axis warm first, and record it then.",
-        part="late",
     )
-    STRIBECK = Facts("Stribeck", "sign axis x slow axis 4", "friction", part="current")
+    STRIBECK = _Drive("Stribeck", "sign axis x slow axis 4", "friction")
 
 
 CHANNELS = {

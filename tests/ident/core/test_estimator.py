@@ -357,7 +357,7 @@ def test_the_weights_found_have_the_best_evidence_of_a_fine_grid() -> None:
 @pytest.mark.parametrize("name", ["student", "huber", "gauss"])
 def test_scale_from_counted_residuals_is_that_of_the_residuals(name: str) -> None:
     residual = np.sort(np.abs(np.random.default_rng(11).standard_t(5, 4000)))
-    whole = choose_loss(name, residual, 1.1, 1e-9)
+    whole = choose_loss(name, residual, 1.1, 1e-9, np.ones(4000, np.int64))
     values, count = np.unique(np.round(residual, 4), return_counts=True)
     binned = choose_loss(name, values, 1.1, 1e-9, count)
     # Rounding to 1e-4 of a scale of 1.
