@@ -82,12 +82,6 @@ class Chain:
         return second, sp.csr_array(outer @ second)
 
     @cached_property
-    def grams(self) -> tuple[sp.csr_array, sp.csr_array]:
-        """The penalty matrices $D_k^T D_k$."""
-        second, fourth = self.rows
-        return sp.csr_array(second.T @ second), sp.csr_array(fourth.T @ fourth)
-
-    @cached_property
     def least(self) -> tuple[float, float]:
         """Least non-zero eigenvalue of both penalties; 0 on a long chain."""
         if self.size > _LONG:
@@ -146,9 +140,9 @@ class Chain:
     def logdet(self, weights: Vector, shift: float = 0.0) -> float:
         """Return the log of the product of the non-zero eigenvalues, a shift added to all."""
         if shift > 0.0:
-            second, fourth = self.grams
-            total = weights[0] * second + weights[1] * fourth
-            columns = lower_band(sp.csr_array(total))
+            pairs = zip(weights, self.rows, strict=True)
+            second, fourth = (weight * (rows.T @ rows) for weight, rows in pairs)
+            columns = lower_band(sp.csr_array(second + fourth))
             columns[:, 0] += shift
             return band_logdet(columns)
         if self.size == self.free:
@@ -214,8 +208,6 @@ def lower_band(matrix: sp.csr_array) -> Float[np.ndarray, "n w"]:
 
 def band_logdet(columns: Float[np.ndarray, "n w"]) -> float:
     """Return the log-determinant of a positive definite band; −∞ where it is singular."""
-    if not len(columns):
-        return 0.0
     factor, info = dpbtrf(columns.T, lower=1)
     return 2.0 * float(np.log(factor[0]).sum()) if info == 0 else float("-inf")
 
