@@ -1,6 +1,7 @@
 """One huge log instead of many small jobs: its sums spread over workers just as well."""
 
 import contextlib
+import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -22,7 +23,6 @@ from ..fit import (
     Samples,
     TableEffect,
     TableFit,
-    cores,
     fit_streamed,
 )
 from ._workers import workers_of
@@ -122,7 +122,7 @@ def _shared(
             return values
 
         return pieces, apply
-    threads = min(cores(), len(parts) // _APIECE)
+    threads = min(os.cpu_count() or 1, len(parts) // _APIECE)
     if threads > 1:
         # Neither reading nor summing holds the interpreter.
         return pieces, stack.enter_context(ThreadPoolExecutor(threads)).map

@@ -64,4 +64,4 @@ from ._regression import (
 from ._robust import Estimate as Estimate, Passes as Passes, memory as memory
 from ._stack import Stack as Stack
 from ._sums import Sums as Sums, sums_of as sums_of
-from ._threads import cores as cores, one_blas_thread as one_blas_thread
+from ._threads import one_blas_thread as one_blas_thread

@@ -7,6 +7,7 @@ of a file, over files, over workers. A group is left out by adding up the others
 import dataclasses
 import functools
 import operator
+import os
 from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
 from typing import Any, final
@@ -20,7 +21,6 @@ from ._loss import Loss
 from ._prior import lower_band
 from ._readings import FitError, Readings, Vector
 from ._stack import Matrix, Stack
-from ._threads import cores
 
 MANY = 100_000
 """From this many readings on, compiled loops pay for loading the compiler."""
@@ -200,7 +200,7 @@ def sums_of(
         matrix = stack.matrix(readings) if design is None else design
         return _by_matrix(stack, readings, theta, loss, former, matrix)
     residual = np.empty(len(readings))
-    step = -(-len(readings) // min(cores(), len(readings) // MANY))
+    step = -(-len(readings) // min(os.cpu_count() or 1, len(readings) // MANY))
     pieces = [slice(k, k + step) for k in range(0, len(readings), step)]
 
     def summed(rows: slice) -> Sums:

@@ -6,7 +6,6 @@ fight for the same cores: one BLAS thread is faster, and much faster on a busy m
 
 import contextlib
 import functools
-import os
 import threading
 from collections.abc import Iterator
 from typing import Any
@@ -49,8 +48,3 @@ def one_blas_thread() -> Iterator[None]:
                 OpenBLASController.clear_controlling_thread(force=True)
                 _Limit.limiter.restore_original_limits()
                 OpenBLASController.clear_controlling_thread(force=True)
-
-
-def cores() -> int:
-    """Return the number of processors of this machine."""
-    return os.cpu_count() or 1

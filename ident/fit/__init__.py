@@ -10,7 +10,6 @@ from ..core import (
     DriftNoise as DriftNoise,
     FitError as FitError,
     TableEffect as TableEffect,
-    cores as cores,
     one_blas_thread as one_blas_thread,
 )
 from ._inequalities import (

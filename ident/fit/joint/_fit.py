@@ -1,6 +1,7 @@
 """The joint estimator: readings of several axes in, all effects with uncertainty out."""
 
 import dataclasses
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -12,7 +13,6 @@ from ..._recording import JointData
 from ...core import (
     FitError,
     Readings,
-    cores,
     leave_one_out,
     one_blas_thread,
     sums_by_group,
@@ -221,7 +221,7 @@ def fit_joint(
 
     with one_blas_thread():
         # Axes share no unknowns; their matrix products leave the interpreter free.
-        with ThreadPoolExecutor(min(len(groups), cores())) as pool:
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
             fits = dict(zip(groups, pool.map(fitted, groups), strict=True))
         parts = {part.name: part for fit in fits.values() for part in _parts(fit)}
         runs = {axis: fit.runs() for axis, fit in fits.items()}
