@@ -26,15 +26,7 @@ from .._types import RunEffect
 from ._design import Design, design_of
 from ._effect import TABLES, AbstractEffect, Rank
 from ._identified import Identified, identified
-from ._lag import (
-    WORTH,
-    FoundLag,
-    find_lags,
-    lag_bounds,
-    lagging,
-    pseudo_of,
-    sensed_variances,
-)
+from ._lag import WORTH, FoundLag, find_lags, lag_bounds, lagging, sensed_variances
 from ._memory import Memory, times
 
 Smoothness = str | float | Mapping[str, Mapping[str, float]]
@@ -74,15 +66,21 @@ class AxisFit:
 
     @cached_property
     def pseudo(self) -> Float[np.ndarray, " r"]:
-        """Pseudo-readings of the last pass about the estimate before it."""
-        return pseudo_of(self.design, self.estimate)
+        """Pseudo-readings of the last pass about the estimate before it, 0 if not believed."""
+        return self.estimate.pseudo(self._about)
+
+    @cached_property
+    def _about(self) -> Float[np.ndarray, " r"]:
+        """Error − the estimate that the last pass was about."""
+        return np.asarray(
+            self.design.error - self.design.columns @ self.estimate.centre
+        )
 
     @cached_property
     def active(self) -> Bool[np.ndarray, " r"]:
         """Readings that are believed at all."""
-        fit = self.estimate
-        residual = self.design.error - self.design.columns @ fit.centre
-        return np.asarray(~fit.loss.wild(residual / fit.loss.scale))
+        loss = self.estimate.loss
+        return np.asarray(~loss.wild(self._about / loss.scale))
 
     @property
     def counted(self) -> Bool[np.ndarray, " r"]:

@@ -71,11 +71,6 @@ def lag_bounds(design: Design) -> tuple[float, float]:
     return float(np.log(max(gap, 1e-4 * span))), float(np.log(span))
 
 
-def pseudo_of(design: Design, fit: Estimate) -> Float[np.ndarray, " r"]:
-    """Return the pseudo-readings of a fit about its centre, 0 where one is not believed."""
-    return fit.pseudo(design.error - design.columns @ fit.centre)
-
-
 def find_lags(
     design: Design, fit: Estimate, near: Mapping[str, float]
 ) -> dict[str, FoundLag]:
@@ -90,8 +85,9 @@ def find_lags(
         FitError: If there is no clock.
     """
     low, high = lag_bounds(design)
-    pseudo = pseudo_of(design, fit)
-    target, active = pseudo + design.columns @ fit.centre, pseudo != 0.0
+    fitted = design.columns @ fit.centre
+    pseudo = fit.pseudo(design.error - fitted)
+    target, active = pseudo + fitted, pseudo != 0.0
     believed = active.astype(float)
 
     def evidence(lags: Mapping[str, float]) -> float:
