@@ -210,7 +210,8 @@ def _row_of(values: np.ndarray, role: str) -> np.ndarray:
     known = values.dtype.kind not in "cmM" or role == "run"
     with contextlib.suppress(TypeError, ValueError):
         if len(shape) == 1 and shape != (0,) and known:
-            return np.asarray(values, None if role == "run" else np.float64)
+            # A copy: what becomes of the caller's array is no matter of the fit any more.
+            return np.array(values, None if role == "run" else np.float64)
     msg = f"{role}: found {values.dtype} of shape {shape}, expected one number per row"
     raise FitError(msg)
 

@@ -157,6 +157,29 @@ def test_lists_of_an_axis_without_a_number_are_refused(tmp_path: Path) -> None:
     assert not any(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize("of_file", [False, True])
+def test_what_becomes_of_the_readings_after_a_fit_does_not_change_its_lists(
+    tmp_path: Path, of_file: bool
+) -> None:
+    data: Any = {name: values.copy() for name, values in along_x().items()}
+    if of_file:
+        rows = np.column_stack([data["X.position"], data["X.error"]])
+        file, names = tmp_path / "laser.csv", "X.position,X.error"
+        np.savetxt(file, rows, delimiter=",", header=names, comments="")
+        data = axcomp.read(file, {"X.position": "X.position", "X.error": "X.error"})
+    fit = axcomp.fit([SCREW], data)
+    error = (data.values if of_file else data)["X.error"]
+    np.negative(error, out=error)
+    written = fit.write(tmp_path / "out", axes={"X": 1}).files[0]
+    # Half a list unit, and the joint fit beside that of one table: a part of σ (0.1 µm).
+    np.testing.assert_allclose(
+        axcomp.load_model(tmp_path / "out" / written)["leadscrew"].pos,
+        fit["leadscrew"].model.pos,
+        rtol=0,
+        atol=1.5e-4,
+    )
+
+
 def test_masked_readings_are_left_out() -> None:
     data = along_x()
     wild = data["X.error"].copy()
