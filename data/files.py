@@ -93,6 +93,25 @@ def keep_copy(path: Path, folder: Path) -> Path | None:
     raise AssertionError  # names never end
 
 
+def write_keeping(path: Path, content: bytes) -> Path | None:
+    """Write a file; what it held before is copied into ``kept/`` beside it.
+
+    Args:
+        path: The file.
+        content: Of it.
+
+    Returns:
+        The copy; None where there was nothing else to keep.
+
+    Raises:
+        OSError: If it cannot be copied or written.
+    """
+    is_other = path.is_file() and path.read_bytes() != content
+    copy = keep_copy(path, path.parent / "kept") if is_other else None
+    write_atomically(path, content)
+    return copy
+
+
 def sha256(path: Path) -> str:
     """Return the hash of a file, for the record."""
     digest = hashlib.sha256()

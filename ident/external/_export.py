@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...data.files import write_atomically
+from ...data.files import write_keeping
 from ...models import ExternalCompensation
 from ..exchange import ExchangeError
 from ..volumetric import Tool, VolumetricFit
@@ -108,7 +108,8 @@ def export_external(
     Args:
         models: OffsetLaw of all axes in mm or °, from positions of shape ``(t, axes)``; of
             several the sum.
-        out: Folder for the files, one of its own.
+        out: Folder for the files, one of its own. What a file of such a name held before
+            is kept in ``kept/``.
         axes: Logical numbers of all axes of the controller, ascending: the columns.
         workspace: Lowest and highest position in mm or ° by axis, in which offsets and
             accelerations are searched; an axis that no model looks at may be missing.
@@ -183,10 +184,15 @@ def export_external(
     for name, listing in list_fragments(axes, limits, replaced or {}).items():
         contents[name] = listing.dumps()
     folder.mkdir(parents=True, exist_ok=True)
-    for name, content in contents.items():
-        write_atomically(folder / name, content)
     paths = tuple(folder / name for name in contents)
-    return ExternalFiles(paths, found, limits, remarks)
+    copies = [write_keeping(folder / name, contents[name]) for name in contents]
+    kept = tuple(
+        f"{path.name} was there and is replaced: what it held is kept as"
+        f" {copy.relative_to(folder)}."
+        for path, copy in zip(paths, copies, strict=True)
+        if copy is not None
+    )
+    return ExternalFiles(paths, found, limits, (*remarks, *kept))
 
 
 def _parts_of(

@@ -78,6 +78,21 @@ def test_the_same_export_gives_the_same_files(tmp_path: Path) -> None:
         assert file.read_bytes() == (tmp_path / "two" / file.name).read_bytes()
 
 
+def test_what_an_export_writes_over_is_kept(folder: Path) -> None:
+    (folder / "README.md").write_text("My own")
+    written = export_external(spike(0.01), folder, axes=(1, 2), workspace=BOX)
+    assert (folder / "kept" / "README.md").read_text() == "My own"
+    words = "README.md was there and is replaced: what it held is kept as kept/README."
+    assert written.remarks[-1].startswith(words)
+    layer = folder / "axcomp_external_layer.cpp"
+    adapted = layer.read_text() + "// adapted to our SDK"
+    layer.write_text(adapted)
+    export_external(spike(0.01), folder, axes=(1, 2), workspace=BOX)
+    assert (folder / "kept" / layer.name).read_text() == adapted
+    # What is as it was leaves no copy.
+    assert len(list((folder / "kept").iterdir())) == 2
+
+
 def test_models_add_up(folder: Path) -> None:
     both = export_external(
         (spike(0.01), spike(0.02)), folder / "out", axes=(1, 2), workspace=BOX
