@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, final
 
-from ...data.files import keep_copy, write_atomically
+from ...data.files import write_atomically, write_keeping
 from ...data.lists import ListFile, Value
 from ...models import Conventions
 from ..kinds import kind, kinds
@@ -16,9 +16,6 @@ from ._machine_lists import Reading, entries_of_activation, machine_lists
 from ._nodes import Ranges
 from ._units import ModelUnit, expect
 from .controller._controller import model_of
-
-_WRITTEN = "written by axcomp"
-"""How the first line of a new list ends."""
 
 
 @final
@@ -167,8 +164,8 @@ def write_lists(
 
     Args:
         models: Of one axis or several.
-        out: Folder; made where it is missing. Each file is replaced as a whole; one that
-            is neither of `lists` nor written by this function is kept in ``kept/``.
+        out: Folder; made where it is missing. Each file is replaced as a whole; what
+            one held before, and is none of `lists`, is kept in ``kept/``.
         lists: Existing lists by axis number: they are edited, all else in them stays.
         conventions: Rules of the controller; left out: the defaults.
         build: Of the controller; left out: the newest.
@@ -204,7 +201,7 @@ def write_lists(
         )
         if entries:
             name = compensation_file(axis_models.axis)
-            title = f"Compensation list of axis {axis_models.axis}, {_WRITTEN}"
+            title = f"Compensation list of axis {axis_models.axis}, written by axcomp"
             edited = with_tables(existing, axis_models.axis, entries, title)
             drafts[name] = edited.listing
         machine = existing_lists.machine.get(axis_models.axis)
@@ -218,11 +215,10 @@ def write_lists(
     folder.mkdir(parents=True, exist_ok=True)
     for name, draft in drafts.items():
         target, content = folder / name, draft.dumps()
-        if target.is_file() and target.resolve() not in given_files:
-            there = target.read_bytes()
-            if _WRITTEN.encode() not in there and there != content:
-                keep_copy(target, folder / "kept")
-        write_atomically(target, content)
+        if target.resolve() in given_files:
+            write_atomically(target, content)
+        else:
+            write_keeping(target, content)
     return tuple(folder / name for name in drafts)
 
 

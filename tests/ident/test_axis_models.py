@@ -126,11 +126,19 @@ def test_a_list_that_was_not_handed_over_is_kept_aside(tmp_path: Path) -> None:
     before = mine.read_bytes()
     write_lists(models, tmp_path)
     assert (tmp_path / "kept" / mine.name).read_bytes() == before
-    # What was written, and what is edited on request, leaves no copy.
+    # What is as it was, and what is edited on request, leaves no copy.
+    write_lists(models, tmp_path)
     write_lists(models, tmp_path, lists={1: mine})
-    higher = eqx.tree_at(lambda screw: screw.pos, SCREW, SCREW.pos + 0.001)
-    write_lists(AxisModels(1, {"leadscrew": higher}), tmp_path)
     assert len(list((tmp_path / "kept").iterdir())) == 1
+
+
+def test_a_written_list_that_was_edited_by_hand_is_kept_aside(tmp_path: Path) -> None:
+    models = AxisModels(1, {"leadscrew": SCREW})
+    path = write_lists(models, tmp_path)[0]
+    edited = path.read_bytes() + b"# tuned by hand\n"
+    path.write_bytes(edited)
+    write_lists(models, tmp_path)
+    assert (tmp_path / "kept" / path.name).read_bytes() == edited
 
 
 def test_currents_are_written_as_shares_of_the_rated_one(tmp_path: Path) -> None:
