@@ -22,6 +22,7 @@ from ._options import (
     cycle,
     matched,
     read_lists,
+    refuse_existing,
     rules_of,
 )
 
@@ -36,6 +37,7 @@ def objects(
     cycle_time: CycleTime = None,
     net_id: str = "127.0.0.1.1.1",
     conventions: Rules = None,
+    force: bool = False,
 ) -> None:
     """List the ADS objects of all compensations of a machine, and record them with Scope.
 
@@ -48,6 +50,7 @@ def objects(
             standard output.
         cycle_time: Time between samples in s; left out: that of the task.
         net_id: AMS net id of the controller, for the recording.
+        force: Replace files that exist.
 
     Examples:
       axcomp objects axcomp-out/achskw1.lis --out watch
@@ -68,6 +71,8 @@ def objects(
         typer.echo(table, nl=False)
         return
     out.mkdir(parents=True, exist_ok=True)
+    for name in (OBJECTS, SCOPE):
+        refuse_existing(out / name, "--out", force=force)
     write_atomically(out / OBJECTS, table.encode())
     scope = scope_configuration(rows, cycle_time=cycle_time, net_id=net_id)
     write_atomically(out / SCOPE, scope)

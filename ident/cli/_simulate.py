@@ -18,6 +18,7 @@ from ._options import (
     axis_ranges,
     by_axis,
     read_lists,
+    refuse_existing,
     refuse_input,
     rules_of,
 )
@@ -49,6 +50,7 @@ def simulate(
     modulo: Modulo = None,
     temperature: list[str] | None = None,
     events: Path | None = None,
+    force: bool = False,
     as_json: AsJson = False,
 ) -> None:
     """Compute what the controller would add, per row of a motion and compensation.
@@ -73,6 +75,7 @@ def simulate(
         events (E.csv): What happens meanwhile: columns time, axis (empty: all) and event, which
             is COMP ON CROSS, COMP OFF LEAD TEMP, COMP OFF_ALL, HOMED, NOT HOMED, PROGRAM END or
             RELOAD FILE.lis. Left out: the column event of the motion, if it has one.
+        force: Replace a file that exists.
 
     Examples:
       axcomp simulate axcomp-out/achskw1.lis --motion motion.csv --out offsets.csv
@@ -87,6 +90,7 @@ def simulate(
     read = [*files, motion, *of_plc, *([] if events is None else [events])]
     if out is not None:
         refuse_input(out, "--out", read)
+        refuse_existing(out, "--out", force=force)
     use_compilation_cache()
     rules = rules_of(conventions)
     lists = read_lists(files)

@@ -52,6 +52,27 @@ def test_an_input_is_never_written_onto(
     assert (folder / out).read_bytes() == before
 
 
+@pytest.mark.parametrize(
+    ("command", "written"),
+    [
+        (["simulate", "achskw3.lis", "--motion", "m.csv", "--out", "o.csv"], "o.csv"),
+        (["objects", "achskw3.lis", "--out", "."], "cnc_objects.csv"),
+        (["objects", "achskw3.lis", "--out", "."], "compensations.tcscopex"),
+    ],
+)
+def test_a_file_that_exists_is_written_onto_by_force_only(
+    folder: Path, capsys: pytest.CaptureFixture[str], command: list[str], written: str
+) -> None:
+    (folder / written).write_text("mine")
+    assert main(command) == 2
+    words = f"--out: found {written}, which exists, expected a new file or --force"
+    assert words in capsys.readouterr().err
+    assert (folder / written).read_text() == "mine"
+    assert sum(1 for _ in folder.iterdir()) == 3
+    assert main([*command, "--force"]) == 0
+    assert (folder / written).read_text() != "mine"
+
+
 def test_without_out_the_csv_is_printed(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
