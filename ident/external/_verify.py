@@ -207,5 +207,7 @@ def _judged(
             text = f"adds {known:g} times what the tables say"
             level = f"{text}: a LEVEL, or a wrong unit"
             return verdict((word,), known, level if 0.0 < known < 1.0 else text)
-    text = f"adds {factor:.2g} times what the tables say: a LEVEL, or a software limit near"
-    return verdict((), None, text)
+    # A LEVEL is a share of 0 to 1.
+    level = "a LEVEL, or a software limit near"
+    why = level if 0.0 < factor < 1.0 else "other tables, or axes in another order"
+    return verdict((), None, f"adds {factor:.2g} times what the tables say: {why}")

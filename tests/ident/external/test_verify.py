@@ -62,6 +62,8 @@ def diagdata(offset: int, state: int = 1) -> str:
         (250_000, 1, ["unit"], "adds 0.1 times what the tables say: a LEVEL, or"),
         (0, 1, [], "adds nothing, the tables 25 µm"),
         (1_250_000, 1, [], "adds 0.5 times what the tables say: a LEVEL"),
+        (-2_075_000, 1, [], "adds -0.83 times what the tables say: other tables, or"),
+        (3_250_000, 1, [], "adds 1.3 times what the tables say: other tables, or"),
         (0, 0, [], "not active: state is not 1"),
     ],
 )
