@@ -114,6 +114,12 @@ def list_source(
         f"{axis}: the {name} compensation is left out, as {_reason(name)}. Leave it active."
         for axis, name in sorted(left)
     ]
+    remarks += (
+        f"A{one.axis}: the {one.name} table waits for COMP ON in the NC program"
+        " (manual_activation 1); as a part of this compensation it acts whenever that is on."
+        for one in held
+        if one.manual
+    )
     replaced: dict[int, list[str]] = {}
     for one in held:
         replaced.setdefault(one.axis, []).append(one.name)

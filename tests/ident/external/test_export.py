@@ -241,6 +241,14 @@ def test_what_needs_more_than_positions_is_left_out_and_named(folder: Path) -> N
     )
 
 
+def test_a_table_that_waited_for_the_program_is_named(folder: Path) -> None:
+    (folder / "achskw1.lis").write_text(f"{SCREW}kw.ssfk.manual_activation 1\n{CROSS}")
+    assert list_source([folder / "achskw1.lis"]).remarks == (
+        "A1: the leadscrew table waits for COMP ON in the NC program (manual_activation"
+        " 1); as a part of this compensation it acts whenever that is on.",
+    )
+
+
 def test_a_table_for_each_direction_stays_a_list_and_is_named(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
