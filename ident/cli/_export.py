@@ -282,7 +282,10 @@ def export_external(
         cycle_time=cycle_time,
         ramp=ramp,
     )
-    source.name_in_result(out / "axcomp_external.c")
     note(written.remarks)
+    try:
+        source.name_in_result(out / "axcomp_external.c")
+    except OSError as error:
+        note([f"{source.result} does not name these files: {error.strerror or error}"])
     print_result(None, map(str, written.files))
     note([f"read {out / 'README.md'} next"])

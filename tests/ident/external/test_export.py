@@ -319,6 +319,19 @@ def test_a_job_is_exported_by_its_own_rules_and_limits(
         list_source([job])
 
 
+def test_a_job_that_cannot_be_written_to_is_exported_with_a_remark(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    job = fitted(folder)
+    before = (job / "result.json").read_bytes()
+    (job / "result.json.part").mkdir()  # in the way of a new one, also for root
+    assert main(["export-external", "fit", "--out", "ext"]) == 0
+    shown = capsys.readouterr()
+    assert "fit/result.json does not name these files: Is a directory" in shown.err
+    assert "ext/axcomp_external.c" in shown.out
+    assert (job / "result.json").read_bytes() == before
+
+
 def test_the_rules_of_a_job_hold_for_tables_that_it_did_not_fit(folder: Path) -> None:
     job = fitted(folder)
     with (job / "achskw1.lis").open("a") as listing:
