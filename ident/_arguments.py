@@ -57,7 +57,7 @@ def stack_of(effects: Any) -> tuple[AbstractEffect | Friction, ...]:
     """Return effects one by one.
 
     Raises:
-        FitError: If there is none, or one is something else.
+        FitError: If there is none, one is something else, or a plane lies over its own axis.
     """
     known = AbstractEffect | Friction
     several = isinstance(effects, Iterable) and not isinstance(effects, known)
@@ -67,6 +67,10 @@ def stack_of(effects: Any) -> tuple[AbstractEffect | Friction, ...]:
         found = ", ".join(wrong) or "none"
         msg = f"effects: found {found}, expected some such as axcomp.Backlash('X')"
         raise FitError(msg)
+    for one in stack:
+        if isinstance(one, AbstractEffect) and len(one.masters) > 1:
+            found = f"the axis {one.axis} twice"
+            one.expect(one.axis not in one.masters, found, "another master")
     return stack
 
 

@@ -96,7 +96,7 @@ class AxisModels(Mapping[str, Any]):
         return entries.in_list_units(model, unit)
 
     def _refuse_unknown(self) -> None:
-        """Raise at a model that is none of the compensation that it stands for."""
+        """Raise at a model that is none of its compensation, and at masters that are none."""
         models_of = {record.name: record.entries.models for record in kinds()}
         for name in sorted(self.models):
             fits = isinstance(self.models[name], models_of.get(name, ()))
@@ -107,6 +107,11 @@ class AxisModels(Mapping[str, Any]):
             surplus = ", ".join(sorted({*getattr(self, field)} - {*self.models}))
             expected = f"some of its models, {', '.join(self.models)}"
             expect(not surplus, f"{field} of axis {self.axis}", surplus, expected)
+        for name in filter(lambda name: kind(name).table, sorted(self.masters)):
+            axes = self.masters[name]
+            others = len({self.axis, *axes}) == 1 + len(axes)
+            where = f"masters of the {name} of axis {self.axis}"
+            expect(others, where, ", ".join(map(str, axes)), "other axes, each once")
 
 
 def load_model(

@@ -179,6 +179,20 @@ def test_what_no_list_holds_is_refused_by_name(
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize(
+    ("name", "masters", "found"),
+    [("cross", (3,), "3"), ("plane", (1, 3), "1, 3"), ("plane", (1, 1), "1, 1")],
+)
+def test_an_axis_that_is_its_own_master_is_refused(
+    name: str, masters: tuple[int, ...], found: str, tmp_path: Path
+) -> None:
+    models = AxisModels(3, {name: MODELS[name]}, masters={name: masters})
+    message = f"masters of the {name} of axis 3: found {found}, expected other axes"
+    with pytest.raises(ExchangeError, match=message):
+        write_lists(models, tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.other_types
 def test_lists_of_other_axes_are_not_left_out(tmp_path: Path) -> None:
     models = AxisModels(1, {"leadscrew": SCREW})

@@ -18,6 +18,7 @@ from axcomp import models
 PLACES = np.tile(np.arange(0.0, 201.0, 25.0), 6)
 RUNS = np.repeat(np.arange(6), 9)
 SCREW = axcomp.Leadscrew("X", start=0, interval=25, points=9)
+LINES = {"start": (0, 0), "interval": (25, 25), "points": (9, 9)}
 
 
 def along_x(seed: int = 0) -> dict[str, Any]:
@@ -73,6 +74,10 @@ def drive() -> dict[str, Any]:
         (lambda: of(constraints={"leadscrew": [None]}), "expected words or a function"),
         (lambda: of(remove=["line"]), "remove: found"),
         (lambda: axcomp.fit(None, along_x()), "effects: found None"),  # type: ignore[arg-type]
+        (
+            lambda: axcomp.fit([axcomp.Plane("X", ("Y", "X"), **LINES)], along_x()),
+            "plane of X over Y and X: found the axis X twice, expected another master",
+        ),
         (lambda: axcomp.Friction("X", inertia=None), "inertia: found None"),  # type: ignore[arg-type]
         (
             lambda: axcomp.fit(
