@@ -178,12 +178,18 @@ class Fit(Mapping[str, FittedEffect]):
         the variance inf, and NaN beside it.
 
         Raises:
-            KeyError: If there is no such effect, or it is a friction.
+            KeyError: If it is the name of no effect, or of a friction.
         """
-        one = self.effects[name]
-        if self.joint is None or not isinstance(one.effect, AbstractEffect):
-            raise KeyError(name)
-        joint = self.joint.part(one.effect.name).covariance
+        own = {
+            name: one.effect
+            for name, one in self.effects.items()
+            if isinstance(one.effect, AbstractEffect)
+        }
+        if self.joint is None or name not in list(own):  # a list of names has no hash
+            known = ", ".join(own) or "tables, backlash and temperature"
+            msg = f"covariance: found {name!r}, expected one of {known}"
+            raise KeyError(msg)
+        one, joint = self.effects[name], self.joint.part(own[name].name).covariance
         return joint + one.common**2 if one.datum is None else zeroed(joint, one.datum)
 
     def write(

@@ -155,6 +155,14 @@ def test_what_says_nothing_of_a_table_is_refused_in_words(
 
 
 @pytest.mark.other_types
+@pytest.mark.parametrize("name", ["cross", ["leadscrew"]])
+def test_a_covariance_is_that_of_one_effect(name: Any) -> None:
+    words = "expected one of leadscrew"
+    with pytest.raises(KeyError, match=f"covariance: found .*{words}"):
+        of().covariance(name)
+
+
+@pytest.mark.other_types
 def test_lists_of_an_axis_without_a_number_are_refused(tmp_path: Path) -> None:
     own = axcomp.AxisModels("X", {"backlash": models.Backlash(jnp.asarray(0.01))})  # type: ignore[arg-type]
     with pytest.raises(axcomp.AxcompError, match="axis: found 'X'"):
