@@ -141,12 +141,12 @@ def held_beyond(draft: TableDraft) -> TableDraft:
         )
         for (name, low, high, does), signs in said.items()
     ]
-    held = dataclasses.replace(
+    estimate = dataclasses.replace(
         estimate,
         values=values.reshape(estimate.values.shape),
         standard_deviation=deviation.reshape(estimate.values.shape),
     )
-    return dataclasses.replace(draft, estimate=held, said=(*draft.said, *remarks))
+    return dataclasses.replace(draft, estimate=estimate, said=(*draft.said, *remarks))
 
 
 def _beyond(
@@ -303,7 +303,9 @@ def _better_nodes(plan: Plan, readings: Readings) -> str:
         return ""  # they must cover the turn
     # What a cross table does beyond its ends is not documented (S-12).
     alone = len(over) == 1 and not plan.fit.lengths
-    grid = grid_keys([*readings.positions.T], axes[over[0]].limits if alone else None)
+    limits = axes[over[0]].limits if alone else None
+    reach = None if limits is None else (limits[0], limits[1])
+    grid = grid_keys([*readings.positions.T], reach)
     nodes = [line.positions for line in plan.table.nodes]
     few = np.min(grid["points"]) < 4  # each is left out in turn
     if few or same_nodes(nodes, grid) or plan.old is not None:
