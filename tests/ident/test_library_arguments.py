@@ -18,7 +18,7 @@ from axcomp import models
 PLACES = np.tile(np.arange(0.0, 201.0, 25.0), 6)
 RUNS = np.repeat(np.arange(6), 9)
 SCREW = axcomp.Leadscrew("X", start=0, interval=25, points=9)
-LINES = {"start": (0, 0), "interval": (25, 25), "points": (9, 9)}
+LINES: dict[str, Any] = {"start": (0, 0), "interval": (25, 25), "points": (9, 9)}
 
 
 def along_x(seed: int = 0) -> dict[str, Any]:
