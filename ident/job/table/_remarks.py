@@ -75,7 +75,7 @@ def fit_remarks(
         if wild:
             why = "rest on no reading (not measured, or only wild ones)"
         yield Remark.warning(
-            f"{empty} of {fit.support.size} node values {why}{_stretches(draft)}; what they"
+            f"{empty} of {fit.support.size} node values{_stretches(draft)} {why}; what they"
             " say is assumed, and their support is 0."
         )
     yield from _log_remarks(draft)
@@ -138,10 +138,14 @@ def fit_remarks(
 
 
 def _stretches(draft: "TableDraft") -> str:
-    """Return where nodes of a line have no readings, in words; those of a surface the map shows."""
+    """Return where nodes of a line have no readings, or how far those of a surface go on."""
     (nodes, *more), name = draft.plan.table.nodes, draft.fit.over[0]
     if more:
-        return ""
+        bare, values = draft.estimate.support == 0, draft.estimate.values
+        low, high = values[bare].min(), values[bare].max()
+        return (
+            f", with errors of {draft.small(low, '.3g')} to {draft.small(high, '.3g')}"
+        )
     places = nodes.positions
     bare = draft.estimate.support.reshape(-1, len(places)) == 0
     edges = np.flatnonzero(np.diff(bare.any(axis=0), prepend=False, append=False))
@@ -149,7 +153,7 @@ def _stretches(draft: "TableDraft") -> str:
         *(places[k].tolist() for k in (edges[::2], edges[1::2] - 1)), strict=True
     )
     words = [f"{low:g}" + f" to {high:g}" * (high > low) for low, high in ends]
-    return f", {name} = {some_of(words, _MOST)}"
+    return f" ({name} = {some_of(words, _MOST)})"
 
 
 def _pulled_ends(draft: "TableDraft") -> str:

@@ -211,7 +211,7 @@ def test_nodes_finer_than_readings_are_filled_marked_and_a_grid_is_proposed(
     support = fit.support["pos"]  # type: ignore[attr-defined]
     assert (support > 0).sum() == 13
     words = " ".join(remark.message for remark in fit.remarks)
-    assert "8 of 21 node values were not measured, X = 20; 80;" in words
+    assert "8 of 21 node values (X = 20; 80; 120;" in words
     assert "more nodes than readings" in words
     assert "start = 0, interval = 50, points = 9" in words
     # Between targets 50 mm apart, smoothness makes more of a wave of 60 mm than a line
