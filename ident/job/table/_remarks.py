@@ -141,11 +141,9 @@ def _stretches(draft: "TableDraft") -> str:
     """Return where nodes of a line have no readings, or how far those of a surface go on."""
     (nodes, *more), name = draft.plan.table.nodes, draft.fit.over[0]
     if more:
-        bare, values = draft.estimate.support == 0, draft.estimate.values
-        low, high = values[bare].min(), values[bare].max()
-        return (
-            f", with errors of {draft.small(low, '.3g')} to {draft.small(high, '.3g')}"
-        )
+        assumed = draft.estimate.values[draft.estimate.support == 0]
+        words = [draft.small(end, ".3g") for end in (assumed.min(), assumed.max())]
+        return f" (errors of {' to '.join(words)})"
     places = nodes.positions
     bare = draft.estimate.support.reshape(-1, len(places)) == 0
     edges = np.flatnonzero(np.diff(bare.any(axis=0), prepend=False, append=False))
