@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import FancyArrowPatch
 from matplotlib.transforms import ScaledTranslation
 
-from ...data.files import write_atomically
+from ...data.files import write_keeping
 from ...data.measurements import (
     EDITION,
     Iso230,
@@ -90,7 +90,7 @@ def iso_chart_sentence(tests: Mapping[str, Iso230], *, unit: str = "mm") -> str:
 
 
 def write_chart(figure: Figure, folder: Path, stem: str) -> tuple[Path, Path]:
-    """Write a figure as SVG and PNG into a folder, each replaced whole; return paths.
+    """Write a figure as SVG and PNG into a folder; what they held is kept; return paths.
 
     Raises:
         OSError: If the folder cannot be written.
@@ -103,7 +103,7 @@ def write_chart(figure: Figure, folder: Path, stem: str) -> tuple[Path, Path]:
             form, content = path.suffix[1:], io.BytesIO()
             metadata = {"Date": None} if form == "svg" else None
             figure.savefig(content, format=form, metadata=metadata, facecolor="white")
-            write_atomically(path, content.getvalue())
+            write_keeping(path, content.getvalue())
     return paths
 
 

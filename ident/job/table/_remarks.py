@@ -110,7 +110,8 @@ def fit_remarks(
         yield Remark.info(words)
     if fit.suspect_nodes:
         words = some_of([_node(draft, k) for k in fit.suspect_nodes], _MOST)
-        lost = float(fit.standard_deviation.ravel()[[*fit.suspect_nodes]].max())
+        read = [k for k in fit.suspect_nodes if fit.support.flat[k]]
+        lost = float(fit.standard_deviation.flat[read].max(initial=0.0))
         again = (
             " Those beside each other agree: if they are right, and no fault of the"
             f" instrument, the table is off there by up to {draft.small(lost)}, which its"

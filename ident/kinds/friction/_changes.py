@@ -19,9 +19,9 @@ leave of the variance of how many readings: behind each reversal all friction is
 twice."""
 _SURE = 3.0
 """Standard deviations from which on a change is one."""
-_ALIKE = 1e-11
-"""Share of the largest eigenvalue of sums that is none: columns may be alike, as the law and
-the speed are."""
+_ROWS, _ALIKE = 10, 1e-11
+"""Samples per column that tell a change; share of the largest eigenvalue of their sums that is
+none: columns may be alike, as the law and the speed are."""
 
 
 def changes(
@@ -48,6 +48,8 @@ def changes(
     rows = rows[:: -(-len(rows) // _LOOKED_AT)]
     speed, time = samples.velocity[rows], np.arange(1, len(rows) + 1) / len(rows)
     law, low, travel = friction(speed), 0.0, 0.0
+    size = float(np.sqrt(np.mean(law**2))) or 1.0
+    law = law / size  # all loads are in shares of the friction
     columns = [law * time, *(np.ceil(3.0 * time) == k for k in (1, 2, 3))]
     if samples.position is not None:
         place = samples.position[rows]
@@ -59,18 +61,18 @@ def changes(
     columns.append(law * (samples.time[rows] - began < _LATE))
     # Where the far places were passed fast alone, the law has taken them for the speed: what
     # a speed shows beside it stands in columns of its own.
-    columns += [law, np.sign(speed), speed]
+    columns += [law, np.sign(speed), speed / np.abs(speed).max()]
     if samples.acceleration is not None:
-        columns.append(samples.acceleration[rows])
+        push = samples.acceleration[rows]
+        columns.append(push / (np.abs(push).max() or 1.0))
+    if len(rows) < _ROWS * len(columns):
+        return
     # Sums of what the columns and the current have in common, less those of each stretch.
-    known = np.stack([*columns, samples.current[rows + late]], axis=1)
-    size = np.sqrt(np.square(known).sum(axis=0))
-    known /= np.where(size > 0.0, size, 1.0)
+    known = np.stack([*columns, samples.current[rows + late] / size], axis=1)
     sums = np.stack([part.T @ part for part in np.array_split(known, _PARTS)])
     sums = sums.sum(axis=0) - sums
     inverse = np.linalg.pinv(sums[:, :-1, :-1], rcond=_ALIKE, hermitian=True)
     factors = (inverse @ sums[:, :-1, -1:])[:, :, 0]
-    factors *= size[-1] / np.where(size[:-1] > 0.0, size[:-1], 1.0)
 
     def told(change: Float[np.ndarray, " p"]) -> float:
         """Return a change; 0 where it depends on the stretch that is left out."""
@@ -78,14 +80,13 @@ def changes(
         mean = float(np.mean(change))
         return mean if abs(mean) > _SURE * spread else 0.0
 
-    size, length = float(np.sqrt(np.mean(law**2))), samples.unit
     if travel > 0.0:
         grid = np.linspace(0.0, 1.0, 21)
         of_load, of_law = (factors[:, k : k + 2] @ [grid, grid**2] for k in (4, 6))
         change = told(np.ptp(of_load, axis=1))
-        if change > _BY_PLACE * size:
+        if change > _BY_PLACE:
             yield Remark.warning(
-                f"The load changes by {change:.3g} {unit} over the positions"
+                f"The load changes by {change * size:.3g} {unit} over the positions"
                 " driven, as a spring, a cable or a lever does: that is no friction, and the"
                 " law, the inertia and what differs between the directions hold a part of"
                 " it. Record on a short way to and fro."
@@ -94,7 +95,8 @@ def changes(
         change = told(of_law[:, most] - of_law[:, least])
         if change > _VARIES:
             yield Remark.warning(
-                f"Friction is {change:.0%} larger about {low + travel * grid[most]:.4g} {length}"
+                f"Friction is {change:.0%} larger about {low + travel * grid[most]:.4g}"
+                f" {samples.unit}"
                 f" than about {low + travel * grid[least]:.4g}: a list knows no place and holds"
                 " the mean. Look at lubrication, covers and the fit of the guides there."
             )
@@ -106,9 +108,9 @@ def changes(
             " axis warm first, and record it then."
         )
     change = told(np.ptp(factors[:, 1:4], axis=1))
-    if change > _VARIES * size:
+    if change > _VARIES:
         yield Remark.warning(
-            f"The constant load changes by {change:.3g} {unit} over the recording, as"
+            f"The constant load changes by {change * size:.3g} {unit} over the recording, as"
             " a workpiece, a clamp or a counterweight does: that is no friction, and the"
             " law holds a part of it. Record with one load."
         )
