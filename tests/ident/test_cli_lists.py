@@ -321,6 +321,17 @@ def test_show_draws_a_plane(plane: pathlib.Path, tmp_path: pathlib.Path) -> None
     assert (tmp_path / "a" / "b" / "plane.png").read_bytes()[1:4] == b"PNG"
 
 
+def test_a_chart_keeps_the_file_that_lay_in_its_place(
+    plane: pathlib.Path, tmp_path: pathlib.Path
+) -> None:
+    assert main(["show", str(plane), "--out", str(tmp_path / "charts")]) == 0
+    (chart,) = (tmp_path / "charts").glob("*.svg")
+    chart.write_text("of mine")
+    assert main(["show", str(plane), "--out", str(tmp_path / "charts")]) == 0
+    assert chart.read_text() != "of mine"
+    assert (tmp_path / "charts" / "kept" / chart.name).read_text() == "of mine"
+
+
 def test_output_folder_that_cannot_be_made_is_one_line(
     plane: pathlib.Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
