@@ -36,7 +36,7 @@ def held_beyond(draft: TableDraft) -> TableDraft:
     values = estimate.values.reshape(shape).copy()
     deviation = estimate.standard_deviation.reshape(shape).copy()
     least = max(SEEN * estimate.noise, TINY)
-    said = dict[tuple[str, float, float, str], list[str]]()
+    said, remarks = dict[tuple[str, float, float, str], list[str]](), list[Remark]()
 
     def say(branch: int, name: str, beyond: Float[np.ndarray, " n"], does: str) -> None:
         key = name, float(beyond.min()), float(beyond.max()), does
@@ -45,6 +45,16 @@ def held_beyond(draft: TableDraft) -> TableDraft:
     for k, (name, line) in enumerate(zip(plan.fit.over, masters, strict=True)):
         nodes = line.positions
         parts = [_part_read(draft, k, branch) for branch in range(branches)]
+        begin, end = min(part[0] for part in parts), max(part[1] for part in parts)
+        ends = nodes[max(begin - 1, 0)], nodes[min(end + 1, len(nodes) - 1)]
+        if plan.datum is not None and not ends[0] <= plan.datum[k] <= ends[1]:
+            remarks.append(
+                Remark.warning(
+                    f"Nothing was read at {name} = {plan.datum[k]:g}, where the instrument was"
+                    " set to zero (datum): by what the error does on the way there all of the"
+                    " table is off. Measure as far as the datum."
+                )
+            )
         fitted, curves, sd = (
             np.moveaxis(array, -1 - k, 1)
             for array in (values.copy(), values, deviation)
@@ -81,7 +91,7 @@ def held_beyond(draft: TableDraft) -> TableDraft:
                 elif plan.old is not None:
                     does = "keeps its old shape, moved as its edge is"
                 say(branch, name, nodes[way[1:]], does)
-    remarks = [
+    remarks += [
         Remark.warning(
             f"No reading{f' in {signs[0]} direction' * (len(signs) < branches)} lies at {name} ="
             f" {low:g}{f' to {high:g}' * (high > low)}: there the table {does}, which nobody"

@@ -179,6 +179,20 @@ def test_a_gap_without_nodes_and_places_outside_are_none_that_nobody_has_seen(
     assert abs(fit.table["pos"][-1] - 0.04) < 1e-3
 
 
+@pytest.mark.parametrize("at", [380.0, 280.0])
+def test_a_datum_where_nothing_was_read_is_doubted(tmp_path: Path, at: float) -> None:
+    there = np.tile(np.arange(0.0, 301.0, 10.0), 3)
+    job = one_way(
+        tmp_path, there, 5e-5 * (there - at), "start = 0\ninterval = 50\npoints = 9"
+    )
+    job.write_text(
+        job.read_text().replace('remove = "none"', f"datum = {{ at = {at} }}")
+    )
+    (fit,) = run_job(job, tmp_path / "out").tables
+    said = " ".join(remark.message for remark in fit.remarks)
+    assert ("Nothing was read at X = 380, where the instrument" in said) == (at > 300.0)
+
+
 def test_constraints_do_not_judge_what_follows_the_other_direction(
     tmp_path: Path,
 ) -> None:
