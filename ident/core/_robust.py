@@ -154,7 +154,8 @@ class Estimate:
         """Return one sentence or more on how the fit of so many readings went."""
         wild = count - round(float(self.posterior.problem.sums.tally[0]))
         used = f"{count} readings, {self.posterior.used:.1f} effective parameters."
-        rejected = f"{wild} wild readings were left out." if wild > 0 else ""
+        noun = "wild reading was" if wild == 1 else "wild readings were"
+        rejected = f"{wild} {noun} left out." if wild > 0 else ""
         care = "The iterations did not settle; treat the result with care."
         fitted = _FOLLOWS if self.follows else used
         clauses = (fitted, rejected, "" if self.converged else care)

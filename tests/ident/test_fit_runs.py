@@ -196,7 +196,7 @@ def test_wild_reading_is_found_beside_run_effects() -> None:
     fit = fit_table(LAYOUT, samples, run_effects="drift")
     np.testing.assert_array_equal(np.flatnonzero(fit.wild), [17])
     assert fit.share[17] == 0.0
-    assert "1 wild readings were left out" in fit.message
+    assert "1 wild reading was left out" in fit.message
 
 
 def test_left_out_run_is_not_in_its_fit() -> None:

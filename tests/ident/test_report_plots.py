@@ -86,6 +86,16 @@ def test_unmeasured_nodes_have_hollow_marks_and_are_counted(leadscrew: Make) -> 
     assert "6 nodes are not measured" in plot.caption
 
 
+def test_the_line_of_a_curve_passes_through_unmeasured_nodes_as_well(
+    leadscrew: Make,
+) -> None:
+    fit = leadscrew()
+    (axes,) = curve_plot(fit, readings_of(fit, MM), MM).figure.axes
+    drawn = [np.asarray(line.get_ydata(), float) for line in axes.lines]
+    for values in 1000 * fit.fit.values:
+        assert any(len(y) == len(values) and np.allclose(y, values) for y in drawn)
+
+
 def test_wild_readings_stand_at_the_edge_and_do_not_stretch_the_frame(
     leadscrew: Make,
 ) -> None:

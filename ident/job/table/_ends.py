@@ -94,8 +94,8 @@ def held_beyond(draft: TableDraft) -> TableDraft:
     remarks += [
         Remark.warning(
             f"No reading{f' in {signs[0]} direction' * (len(signs) < branches)} lies at {name} ="
-            f" {low:g}{f' to {high:g}' * (high > low)}: there the table {does}, which nobody"
-            " measured. Measure there as well."
+            f" {low:g}{f' to {high:g}' * (high > low)}: there nobody measured, and the table"
+            f" {does}. Measure there as well."
         )
         for (name, low, high, does), signs in said.items()
     ]

@@ -100,8 +100,8 @@ def fit_remarks(
     if wild:
         yield Remark(
             "warning" if wild > _MANY * count else "info",
-            f"{wild} of {count} readings are wild: the fit leaves them out."
-            " rms and max are given with and without them.",
+            f"{wild} of {count} readings {'are' if wild > 1 else 'is'} wild: the fit leaves"
+            " them out. rms and max are given with and without them.",
         )
     if places:
         times = Counter(places).items()
@@ -416,7 +416,7 @@ def places_of(
     places = []
     for k in np.flatnonzero(mask):
         words = [
-            f"{name} = {place:.6g}"
+            f"{name} = {round(place, 4) + 0.0:.7g}"
             for name, place in zip(masters, readings.positions[k], strict=True)
         ]
         if readings.direction is not None:

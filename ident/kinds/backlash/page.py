@@ -6,7 +6,7 @@ import numpy as np
 
 from ...report import _style as style
 from ...report._body import Body, Plot
-from ...report._scale import Scale, count, number
+from ...report._scale import Scale, count, left_out_words, number
 from ._result import BacklashResult
 
 
@@ -23,14 +23,15 @@ def _along_the_axis(fit: BacklashResult, scale: Scale) -> Plot:
     figure, panels = style.side_by_side(
         3.0, ("before", "from the file"), x_label, y_label
     )
-    view, width = fit.sides, fit.measured_width[0]
+    view, width, sound = fit.sides, fit.measured_width[0], ~fit.sides.wild
     for panel, values in zip(panels, (view.before, fit.from_file), strict=True):
-        scaled = values * scale.factor
-        style.draw_cloud(panel, view.position, scaled, view.direction)
+        scaled = values[sound] * scale.factor
+        style.draw_cloud(panel, view.position[sound], scaled, view.direction[sound])
     for direction in (1, -1):
         half = -0.5 * direction * width * scale.factor
         panels[0].axhline(half, color=style.DIRECTION_COLOR[direction], linewidth=1.0)
-    panels[0].legend(loc="best")
+    handles = panels[0].get_legend_handles_labels()
+    figure.legend(*handles, loc="outside upper right", ncols=2, markerscale=1.5)
     caption = (
         "Each reading about the mean of both directions: the two lie"
         f" {scale.shown(abs(width) / 2)} to either side before, and about the same line"
@@ -41,6 +42,7 @@ def _along_the_axis(fit: BacklashResult, scale: Scale) -> Plot:
             "Each reading about the mean of both directions: the two directions do not"
             " differ by more than chance."
         )
+    caption += left_out_words(int(view.wild.sum()))
     return Plot("reversal", "Both directions, before and after", figure, caption)
 
 

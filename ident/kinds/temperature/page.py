@@ -236,7 +236,10 @@ def over_time_plot(fit: TemperatureResult, scale: Scale) -> Plot:
     panels[1].set_ylabel("°C")
     panels[1].set_xlabel(label)
     for panel in panels:
-        panel.legend(loc="best")
+        # Outside: readings fill the frame.
+        panel.legend(
+            loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, frameon=False
+        )
     caption = (
         f"Above, each reading as measured ({_rms(fit, 'before', scale)} rms){after} Below,"
         " what the sensors showed."

@@ -78,8 +78,8 @@ def say_empty(branches: Sequence[Fitted], mark: str) -> str:
     if not empty:
         return f"All {count(sum(branch.value.size for branch in branches), 'node')} are measured."
     return (
-        f"{count(empty, 'node is', 'nodes are')} not measured ({mark}): their value is an"
-        " assumption drawn from the neighbours."
+        f"{count(empty, 'node is', 'nodes are')} not measured ({mark}): their value is"
+        " assumed."
     )
 
 

@@ -56,9 +56,11 @@ def _draw_branch(axes: Axes, branch: Fitted) -> None:
     label = "table ± 2 sd" if branch.direction == 0 else f"table ± 2 sd, {name}"
     measured = branch.measured
     if len(nodes) <= _ERROR_BARS:
+        # The line is the whole table, measured or not.
+        axes.plot(nodes, branch.value, color=colour, linewidth=1.1)
         axes.errorbar(
             nodes[measured], branch.value[measured], 2 * branch.sd[measured],
-            color=colour, marker=marker, markersize=3.6, linewidth=1.1, capsize=1.8,
+            color=colour, marker=marker, markersize=3.6, linestyle="none", capsize=1.8,
             elinewidth=0.8, label=label,
         )  # fmt: skip
     else:
@@ -110,15 +112,17 @@ def _unique(axes: Axes) -> tuple[list[Any], list[str]]:
 
 def _say_curve(branches: Sequence[Fitted], scale: Scale, drawn: int, sound: int) -> str:
     unit = scale.error
-    names = {0: "The fitted error"} | {
-        sign: f"{style.DIRECTION_NAME[sign].capitalize()} the error" for sign in (1, -1)
+    names = {0: "At measured nodes the error"} | {
+        sign: f"At nodes measured {style.DIRECTION_NAME[sign]} the error"
+        for sign in (1, -1)
     }
     parts = [branch.runs(names[branch.direction], scale) for branch in branches]
-    if len(branches) == 2:
-        gap = branches[0].value - branches[1].value
-        widest = int(np.argmax(np.abs(gap)))
+    both = np.logical_and.reduce([branch.measured for branch in branches])
+    if len(branches) == 2 and both.any():
+        gap = np.where(both, branches[0].value - branches[1].value, np.nan)
+        widest = int(np.nanargmax(np.abs(gap)))
         parts.append(
-            f"The two directions differ by {number(float(np.mean(gap)))} {unit} on "
+            f"The two directions differ by {number(float(np.nanmean(gap)))} {unit} on "
             f"average (+ minus −), most at {branches[0].where(widest)}: "
             f"{number(gap[widest])} {unit}."
         )

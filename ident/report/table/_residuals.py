@@ -119,7 +119,10 @@ def _say_residuals(
     text.append(slices)
     outside = float(np.mean(np.abs(value) > limit))
     if outside:
-        text.append(f"{percent(outside)} of the readings lie beyond the frame.")
+        share = percent(outside)
+        text.append(
+            f"{share[0].upper()}{share[1:]} of the readings lie beyond the frame."
+        )
     # Wild ones are not drawn here.
     drawn = say_drawn(min(value.size, style.DRAWN_POINTS), fit.readings)
     return " ".join(text) + drawn

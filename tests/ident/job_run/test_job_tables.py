@@ -100,7 +100,7 @@ def test_a_table_that_goes_on_beyond_its_readings_is_doubted(
     job.write_text(job.read_text().replace("points = 5", f"points = {points}"))
     (fit,) = run_job(job, tmp_path / "out").tables
     said = " ".join(r.message for r in fit.remarks if r.level == "warning")
-    words = f"X = {far}: there the table holds its edge, which nobody measured"
+    words = f"X = {far}: there nobody measured, and the table holds its edge"
     assert (words in said) == bool(far)
     # The controller holds the edge of a table: so does the table beyond its readings.
     entries = fit.table["pos"]
@@ -131,7 +131,7 @@ def test_a_table_with_constraints_holds_its_edge_as_well(
     one_way(tmp_path, there, 0.04 * (there / 150.0) ** 2, keys)
     (fit,) = run_job(tmp_path / "job.toml", tmp_path / "out").tables
     said = " ".join(remark.message for remark in fit.remarks)
-    assert "X = 180 to 400: there the table holds its edge" in said
+    assert "X = 180 to 400: there nobody measured, and the table holds its edge" in said
     # The edge is 10 mm beyond the last reading, where the error grows by 0.5 µm a mm.
     assert np.abs(fit.table["pos"][9:] - 0.04).max() < 7e-3
 
@@ -142,7 +142,10 @@ def test_a_node_that_readings_touch_from_afar_was_not_read(tmp_path: Path) -> No
     job = one_way(tmp_path, there, 0.04 * (there / 150.0) ** 2, nodes)
     (fit,) = run_job(job, tmp_path / "out").tables
     said = " ".join(remark.message for remark in fit.remarks)
-    assert "No reading lies at X = 400: there the table holds its edge" in said
+    assert (
+        "No reading lies at X = 400: there nobody measured, and the table holds its edge"
+        in said
+    )
     # What the last reading says; straight on it would be more than 0.1 mm.
     assert abs(fit.table["pos"][-1] - 0.0455) < 6e-3
 
@@ -236,7 +239,10 @@ def test_a_direction_that_was_not_read_follows_the_other_where_that_bends(
     (tmp_path / "job.toml").write_text(text)
     (fit,) = run_job(tmp_path / "job.toml", tmp_path / "out").tables
     said = " ".join(remark.message for remark in fit.remarks)
-    assert "X = 0 to 150: there the table follows the other direction" in said
+    words = (
+        "X = 0 to 150: there nobody measured, and the table follows the other direction"
+    )
+    assert words in said
     # Three readings a node of 0.2 µm, and the gap once more.
     off = fit.table["pos"] - error(place)
     assert np.abs(off).max() < 0.001
@@ -444,7 +450,10 @@ def test_a_plane_holds_its_edge_where_nothing_was_read(tmp_path: Path) -> None:
     (tmp_path / "job.toml").write_text(text)
     (fit,) = run_job(tmp_path / "job.toml", tmp_path / "out").tables
     said = " ".join(remark.message for remark in fit.remarks)
-    assert "No reading lies at X = 80 to 140: there the table holds its edge" in said
+    assert (
+        "No reading lies at X = 80 to 140: there nobody measured, and the table holds its edge"
+        in said
+    )
     # By the truth at X = 60, for Y = 30 and -70: 0.6 and 18.6 µm; 0.1 µm of noise.
     assert re.search(
         r"44 of 110 node values \(errors of 0\.\d+ µm to 18\.\d µm\)", said
@@ -667,7 +676,8 @@ def test_a_direction_that_was_read_in_part_follows_the_other_one(
     result = run_job(tmp_path / "job.toml", tmp_path / "out")
     said = [one.message for one in result.fits[0].remarks]
     assert any(
-        "in − direction lies at X = 125 to 400: there the table follows" in words
+        "in − direction lies at X = 125 to 400: there nobody measured, and the table follows"
+        in words
         for words in said
     )
     place = np.array([300.0])

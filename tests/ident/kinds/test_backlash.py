@@ -7,6 +7,8 @@ import pytest
 
 from axcomp.data.measurements import MeasurementError
 from axcomp.ident.job import BacklashResult, JobError, run_job
+from axcomp.ident.kinds.backlash.page import body
+from axcomp.ident.report._scale import Scale
 
 NAME = "ess_b02_X_9pos5cyc_ISO230.dat"
 ISO = Path(__file__).parents[4] / "shared/data/iso230" / NAME
@@ -142,6 +144,16 @@ def test_wild_readings_do_not_move_the_width(tmp_path: Path) -> None:
     found = fitted(tmp_path, position, error, direction, run)
     assert np.flatnonzero(found.sides.wild).tolist() == [5, 40, 77]
     assert abs(found.width - 0.012) < 6e-4
+
+
+def test_wild_readings_do_not_stretch_the_plot(tmp_path: Path) -> None:
+    position, error, direction, run = cycles(3, 0.012)
+    error[[5, 40, 77]] += 0.5
+    found = fitted(tmp_path, position, error, direction, run)
+    (plot,) = body(found, Scale("mm", "µm")).plots
+    # Half of 12 µm to either side; the wild readings are 500 µm off.
+    assert max(np.abs(plot.figure.axes[0].get_ylim())) < 20.0
+    assert "3 wild readings" in plot.caption
 
 
 def test_positions_all_different_are_bridged_by_nodes(tmp_path: Path) -> None:
