@@ -213,6 +213,7 @@ def test_flipped_machine_is_named_and_nothing_is_called_verified(
     assert '<div class="verdict bad">Take the list out again: the list doubles' in page
     assert "Verified:" not in page
     assert "<b>Next:</b> Take the leadscrew of X out again" in page
+    assert "The steps below are for the list that comes of that, not for" in page
 
 
 def test_directions_of_a_bilateral_table_that_are_swapped_are_named(
