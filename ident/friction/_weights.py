@@ -116,7 +116,7 @@ class View:
     def rows(self, columns: Float[np.ndarray, "s k"]) -> Rows:
         """Return weighted rows of columns."""
         target = self.equation.recording.target
-        if self._basis is None:
+        if self._basis is None:  # the roots make the weights again
             return Rows(self.weights.share[:, None] * columns, columns, target)
         return Rows(self.root * self.weighted(columns), columns, target)
 

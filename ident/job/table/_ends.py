@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Iterator
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from ...readings import Readings
 from ..result._result import Remark
@@ -36,7 +36,7 @@ def held_beyond(draft: TableDraft) -> TableDraft:
     values = estimate.values.reshape(shape).copy()
     deviation = estimate.standard_deviation.reshape(shape).copy()
     least = max(SEEN * estimate.noise, TINY)
-    said, remarks = dict[tuple[str, float, float, str], list[str]](), list[Remark]()
+    said = dict[tuple[str, float, float, str], list[str]]()
 
     def say(branch: int, name: str, beyond: Float[np.ndarray, " n"], does: str) -> None:
         key = name, float(beyond.min()), float(beyond.max()), does
@@ -45,16 +45,6 @@ def held_beyond(draft: TableDraft) -> TableDraft:
     for k, (name, line) in enumerate(zip(plan.fit.over, masters, strict=True)):
         nodes = line.positions
         parts = [_part_read(draft, k, branch) for branch in range(branches)]
-        begin, end = min(part[0] for part in parts), max(part[1] for part in parts)
-        ends = nodes[max(begin - 1, 0)], nodes[min(end + 1, len(nodes) - 1)]
-        if plan.datum is not None and not ends[0] <= plan.datum[k] <= ends[1]:
-            remarks.append(
-                Remark.warning(
-                    f"Nothing was read at {name} = {plan.datum[k]:g}, where the instrument was"
-                    " set to zero (datum): by what the error does on the way there all of the"
-                    " table is off. Measure as far as the datum."
-                )
-            )
         fitted, curves, sd = (
             np.moveaxis(array, -1 - k, 1)
             for array in (values.copy(), values, deviation)
@@ -67,31 +57,35 @@ def held_beyond(draft: TableDraft) -> TableDraft:
                     continue
                 step = fitted[branch, way[1]] - fitted[branch, way[0]]
                 rest = (1.0 - share) * np.abs(step)
+                edge = fitted[branch, way[0]] + share * step
                 if (share * rest > np.maximum(TINY, sd[branch, way[1]])).any():
                     # Held at the last reading, the straight cell would miss those before it.
                     sd[branch, way[1]] = np.hypot(sd[branch, way[1]], rest)
-                    does = "goes on as the last readings do"
-                    say(branch, name, nodes[way[1:2]], does)
-                    share, way = 0.0, way[1:]
-                other = fitted[branch - 1, way]
+                    say(
+                        branch, name, nodes[way[1:2]], "goes on as the last readings do"
+                    )
+                    edge, way = fitted[branch, way[1]], way[1:]
+                if len(way) < 2:
+                    continue
                 # Without another direction it is itself, which was not read there. Along what
                 # follows it, constraints would judge what nobody measured.
                 seen = (way >= begin) & (way <= end) & (plan.inequalities is None)
-                seen = np.logical_and.accumulate(seen)
-                held, gone = _beyond(fitted[branch, way], share, other, seen)
+                seen = np.logical_and.accumulate(seen)[1:]
+                change = np.diff(fitted[branch - 1, way], axis=0)
+                change[~seen] = 0.0
+                gone = edge + np.cumsum(change, axis=0)
                 moved = np.abs(fitted[branch, way[1:]] - gone)
-                far = np.maximum(moved, np.abs(gone - held)).max(initial=0.0)
-                if far <= least:
+                if max(moved.max(), np.abs(gone - edge).max()) <= least:
                     continue
                 curves[branch, way[1:]] = gone
                 sd[branch, way[1:]] = np.hypot(sd[branch, way[1:]], moved)
                 does = "holds its edge"
-                if seen[1:].any():
+                if seen.any():
                     does = "follows the other direction"
                 elif plan.old is not None:
                     does = "keeps its old shape, moved as its edge is"
                 say(branch, name, nodes[way[1:]], does)
-    remarks += [
+    remarks = [
         Remark.warning(
             f"No reading{f' in {signs[0]} direction' * (len(signs) < branches)} lies at {name} ="
             f" {low:g}{f' to {high:g}' * (high > low)}: there nobody measured, and the table"
@@ -104,26 +98,24 @@ def held_beyond(draft: TableDraft) -> TableDraft:
         values=values.reshape(estimate.values.shape),
         standard_deviation=deviation.reshape(estimate.values.shape),
     )
+    remarks += _datum_beyond(draft)
     return dataclasses.replace(draft, estimate=estimate, said=(*draft.said, *remarks))
 
 
-def _beyond(
-    curve: Float[np.ndarray, "n *m"],
-    share: float,
-    other: Float[np.ndarray, "n *m"],
-    seen: Bool[np.ndarray, " n"],
-) -> tuple[Float[np.ndarray, "*m"], Float[np.ndarray, "n1 *m"]]:
-    """Return the edge of a table at its last reading, and the nodes beyond it from there on.
-
-    Args:
-        curve: What was fitted, from the last node that was read on outwards.
-        share: Of the first cell that readings reach.
-        other: What was fitted in the other direction.
-        seen: How far that was read, from the first node on.
-    """
-    edge = curve[0] + share * (curve[min(1, len(curve) - 1)] - curve[0])
-    beside = seen[1:].reshape(-1, *[1] * (curve.ndim - 1))
-    return edge, edge + np.cumsum(beside * np.diff(other, axis=0), axis=0)
+def _datum_beyond(draft: TableDraft) -> Iterator[Remark]:
+    """Yield that the instrument was set to zero more than a node beyond all readings."""
+    plan = draft.plan
+    lines = zip(plan.fit.over, plan.table.nodes, plan.datum or (), strict=False)
+    for k, (name, line, at) in enumerate(lines):
+        nodes = line.positions
+        parts = [_part_read(draft, k, branch) for branch in range(plan.table.branches)]
+        first, last = min(part[0] for part in parts), max(part[1] for part in parts)
+        if not nodes[max(first - 1, 0)] <= at <= nodes[min(last + 1, len(nodes) - 1)]:
+            yield Remark.warning(
+                f"Nothing was read at {name} = {at:g}, where the instrument was set to zero"
+                " (datum): by what the error does on the way there all of the table is off."
+                " Measure as far as the datum."
+            )
 
 
 def _part_read(
@@ -179,9 +171,7 @@ def two_places(plan: Plan, readings: Readings) -> Iterator[Remark]:
                 ", expected no node between (the controller goes straight), or readings"
             )
             raise plan.refusal(words)
-        yield Remark.warning(
-            f"{words.capitalize()}. The old table keeps its shape there."
-        )
+        yield Remark.warning(f"The old table keeps its shape in a gap: {words}.")
 
 
 def refuse_small_part(plan: Plan, readings: Readings) -> None:
@@ -209,8 +199,8 @@ def better_nodes(plan: Plan, readings: Readings) -> str:
     if any(axes[name].modulo is not None for name in over):
         return ""  # they must cover the turn
     # What a cross table does beyond its ends is not documented (S-12).
-    alone = len(over) == 1 and not plan.fit.lengths
-    limits = axes[over[0]].limits if alone else None
+    crosses = len(over) == 1 and not plan.fit.lengths
+    limits = axes[over[0]].limits if crosses else None
     reach = None if limits is None else (limits[0], limits[1])
     grid = grid_keys([*readings.positions.T], reach)
     nodes = [line.positions for line in plan.table.nodes]

@@ -96,9 +96,9 @@ def changes(
         if change > _VARIES:
             yield Remark.warning(
                 f"Friction is {change:.0%} larger about {low + travel * grid[most]:.4g}"
-                f" {samples.unit}"
-                f" than about {low + travel * grid[least]:.4g}: a list knows no place and holds"
-                " the mean. Look at lubrication, covers and the fit of the guides there."
+                f" {samples.unit} than about {low + travel * grid[least]:.4g}: a list knows"
+                " no place and holds the mean. Look at lubrication, covers and the fit of the"
+                " guides there."
             )
     change = told(factors[:, 0])
     if abs(change) > _BY_TIME:

@@ -119,10 +119,7 @@ def _say_residuals(
     text.append(slices)
     outside = float(np.mean(np.abs(value) > limit))
     if outside:
-        share = percent(outside)
-        text.append(
-            f"{share[0].upper()}{share[1:]} of the readings lie beyond the frame."
-        )
+        text.append(f"Of the readings {percent(outside)} lie beyond the frame.")
     # Wild ones are not drawn here.
     drawn = say_drawn(min(value.size, style.DRAWN_POINTS), fit.readings)
     return " ".join(text) + drawn

@@ -114,6 +114,22 @@ smoothness = 10
     assert grade(result)["from_file"] < 0.05 * grade(result)["before"]
 
 
+def test_an_old_table_keeps_its_shape_in_a_gap_that_nobody_read(tmp_path: Path) -> None:
+    old_list(tmp_path)
+    active = 'active = ["leadscrew"]'
+    job = screw_job(tmp_path, axis='list = "achskw1.lis"', measurement=active)
+    laser(tmp_path / "laser.csv")
+    head, *rows = (tmp_path / "laser.csv").read_text().splitlines()
+    ends = [row for row in rows if float(row.split(",")[0]) in (0.0, 400.0)]
+    (tmp_path / "laser.csv").write_text("\n".join([head, *ends]) + "\n")
+    (fit,) = run_job(job, tmp_path / "out").fits
+    said = [remark.message for remark in fit.remarks if remark.level == "warning"]
+    words = (
+        "The old table keeps its shape in a gap: no reading lies between X = 0 and 400,"
+    )
+    assert any(each.startswith(words) for each in said)
+
+
 def test_nodes_missing_from_an_active_table_are_named(tmp_path: Path) -> None:
     old_list(tmp_path)
     laser(tmp_path / "laser.csv")
