@@ -3,6 +3,7 @@
 import dataclasses
 import itertools
 import json
+import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -119,7 +120,7 @@ class Summary:
     Attributes:
         jobs: Jobs of the batch; ``failed`` of them wrote nothing.
         failed: See `jobs`.
-        reasons: Why, by reason with names and numbers left out, most frequent first.
+        reasons: Why, most frequent first; those that differ in numbers alone count as one.
         rejected: Fits whose list must not be loaded.
         gate: Checks that failed, by name.
         unverified: Fits that passed and whose list lies in ``unverified/``.
@@ -179,14 +180,18 @@ def summarise(folder: Path, history: Sequence[Path] = ()) -> Summary:
         curves = found(_SPREADS, shares=_CURVE.tolist())
         outliers, trends, twins = map(found, (_OUTLIERS, _TRENDS, _TWINS))
         turned = _turned(found(_TABLES))
-    reasons = Counter(map(_plain_reason, rows.filter(~done)["reason"].to_pylist()))
+    failures = rows.filter(~done)["reason"].to_pylist()
+    alike = Counter(map(_plain_reason, failures))
+    # As one of the jobs has it, with its numbers.
+    sample = {_plain_reason(reason): _short_reason(reason) for reason in failures}
+    reasons = {sample[plain]: number for plain, number in alike.most_common(20)}
     failed = filter(None, fits["gate_failed"].to_pylist())
     gate = Counter(itertools.chain.from_iterable(failed))
     waiting = fits.filter(pc.field("passed") & ~pc.field("verified"))
     summary = Summary(
         jobs=len(rows["job"].unique()),
-        failed=sum(reasons.values()),
-        reasons=dict(reasons.most_common(20)),
+        failed=len(failures),
+        reasons=reasons,
         rejected=len(fits) - sum(map(bool, fits["passed"].to_pylist())),
         gate=dict(gate.most_common()),
         unverified=len(waiting),
@@ -231,10 +236,14 @@ def _turned(fits: _Rows) -> _Rows:
     return tuple(found)
 
 
+def _short_reason(reason: str | None) -> str:
+    """Return a reason without its file and line."""
+    return (reason or "").split(": ", 1)[-1][:160]
+
+
 def _plain_reason(reason: str | None) -> str:
-    """Return a reason without its file and line, so that equal ones count together."""
-    words = (reason or "").split(": ", 1)
-    return "".join("#" if sign.isdigit() else sign for sign in words[-1])[:160]
+    """Return it without numbers, so that equal ones count together."""
+    return re.sub(r"\d", "#", _short_reason(reason))
 
 
 def _picture(errors: Mapping[str, Sequence[float]], unit: str) -> str:

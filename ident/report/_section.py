@@ -5,7 +5,15 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ..job import AbstractResult, ErrorFigures, Remark, by_level, some_of
+from ..job import (
+    AbstractResult,
+    Code,
+    ErrorFigures,
+    Remark,
+    Verdict,
+    by_level,
+    some_of,
+)
 from ..kinds import kind
 from ._body import Body
 from ._scale import Scale, count, percent, scale_of
@@ -72,6 +80,12 @@ class Section:
     def iso(self) -> bool:
         """Whether figures of ISO 230-2 are among them."""
         return not ISO.isdisjoint(self.rows)
+
+    @property
+    def refuted(self) -> bool:
+        """Whether a second measurement showed that the list does not do what it was to."""
+        judgement = self.fit.judgement
+        return judgement.verdict is Verdict.REJECTED and judgement.has(Code.DIAGNOSED)
 
 
 def section_of(fit: AbstractResult, place: int) -> Section:

@@ -251,8 +251,7 @@ def _remarks(
     group: IdentifiedGroup, drafts: Sequence[AbstractDraft]
 ) -> Iterator[Remark]:
     fit = group.fit
-    words = dict.fromkeys(confusion.message for confusion in group.recording.remarks)
-    yield from map(Remark.info, words)
+    yield from dict.fromkeys(group.recording.remarks)
     if not fit.converged:
         yield Remark.warning(fit.message)
     names = {part.name for part in group.parts}

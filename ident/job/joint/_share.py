@@ -150,7 +150,10 @@ class Share:
         return f"these readings do not tell {some_of(missing, MOST)}."
 
     def remarks(self) -> list[Remark]:
-        """Return what was taken for granted, and what the figures of this fit are."""
+        """Return what was taken for granted, and what the figures of this fit are.
+
+        What is to be said of the readings of a named group, the group says once.
+        """
         group = self.group.name
         if not group:
             return [*self.recording.remarks]
@@ -163,7 +166,6 @@ class Share:
             else f"{TOGETHER}in group {group!r}, alone on {self.axis}."
         )
         said = [*self._unlisted(), *self._wandering(), *self._incomplete()]
-        said += self.recording.remarks
         return [Remark.info(words), *said]
 
     def _wandering(self) -> Iterator[Remark]:

@@ -19,6 +19,8 @@ from ._verdict import Code, Judgement, Verdict, judgement_of
 Array = np.ndarray
 STAGES = ("before", "predicted", "from_file")
 """Of an error: as measured, held out, and under the file as written."""
+_MANY_WILD = 0.05
+"""Share of wild readings from which on the instrument deserves a look."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -54,6 +56,16 @@ def some_of(names: Sequence[str], limit: int) -> str:
     """Return a few of many names, and how many more there are."""
     omitted = len(names) - limit
     return "; ".join(names[:limit]) + (f" and {omitted} more" if omitted > 0 else "")
+
+
+def wild_remark(wild: int, count: int) -> Remark:
+    """Return that so many of all readings are wild: a warning from one in twenty on."""
+    them, are = ("them", "are") if wild > 1 else ("it", "is")
+    return Remark(
+        "warning" if wild > _MANY_WILD * count else "info",
+        f"{wild} of {count} readings {are} wild: the fit leaves {them} out. rms and max are"
+        f" given with and without {them}.",
+    )
 
 
 def largest_wild(

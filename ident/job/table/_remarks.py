@@ -10,16 +10,13 @@ from jaxtyping import Bool, Float
 from ....data.measurements import Measurement
 from ...exchange import AbstractTable
 from ...readings import Readings
-from ..result._result import Remark, SampleView, some_of
+from ..result._result import Remark, SampleView, some_of, wild_remark
 from ._run_remarks import SEEN, TINY, run_remarks
 
 if TYPE_CHECKING:
     from ..file._load import Job
     from ._draft import TableDraft
     from ._plan import Plan
-
-_MANY = 0.05
-"""Share of wild readings from which on the instrument deserves a look."""
 
 _SPARSE = 1.5
 """Readings per node up to which no place was measured twice to speak of."""
@@ -98,11 +95,7 @@ def fit_remarks(
         doubt = doubt_of_places(beyond, count) + _pulled_ends(draft)
         yield Remark("warning" if doubt else "info", words + doubt)
     if wild:
-        yield Remark(
-            "warning" if wild > _MANY * count else "info",
-            f"{wild} of {count} readings {'are' if wild > 1 else 'is'} wild: the fit leaves"
-            " them out. rms and max are given with and without them.",
-        )
+        yield wild_remark(wild, count)
     if places:
         times = Counter(places).items()
         names = [place + (f" ({n} of them)" if n > 1 else "") for place, n in times]

@@ -231,9 +231,10 @@ def _of_the_events(draft: "CrosstalkDraft") -> Iterator[Remark]:
         # At the ends of a log there is often one.
         say = Remark.warning if untold > _FEW * total else Remark.info
         yield say(words)
-    if events.wild.any():
-        words = f"{events.wild.sum()} events contradict the others and were left out."
-        yield Remark.warning(words)
+    if wild := int(events.wild.sum()):
+        words = "events contradict" if wild > 1 else "event contradicts"
+        left_out = f"{'were' if wild > 1 else 'was'} left out."
+        yield Remark.warning(f"{wild} {words} the others and {left_out}")
     if events.left_out.any():
         words = f"{events.left_out.sum()} readings in and beside"
         yield Remark.info(

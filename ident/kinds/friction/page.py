@@ -1,5 +1,6 @@
 """Plots and sentences of a friction law and its list."""
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -83,12 +84,22 @@ def _law(fit: FrictionResult, scale: Scale) -> str:
         unit = units.get(name, scale.error)
         if name.startswith("viscous"):
             unit = f"{scale.error}/({per}/s)"
-        sd = law.standard_deviations.get(name)
-        spread = "" if sd is None else f" ± {sd:.2g}"
         plain = name.replace("_", " ")
-        parts.append(f"{plain} {value:.4g}{spread} {unit}".rstrip())
+        size = _with_spread(value, law.standard_deviations.get(name))
+        parts.append(f"{plain} {size} {unit}".rstrip())
     words = law.structure.words
     return f"{words[0].upper()}{words[1:]}: {', '.join(parts)}."
+
+
+def _with_spread(value: float, sd: float | None) -> str:
+    """Return a value to the second digit of its standard deviation, and that."""
+    text = f"{value:.4g}"
+    if sd is not None and sd > 0.0 and math.isfinite(sd):
+        digits = max(1 - math.floor(math.log10(sd)), 0)
+        text = f"{value:.{digits}f} ± {sd:.{digits}f}"
+    elif sd is not None:
+        text += f" ± {sd:.2g}"
+    return text.replace("-", "−")
 
 
 def _binned(

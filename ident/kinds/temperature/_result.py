@@ -9,7 +9,7 @@ from jaxtyping import Float
 from numpy.polynomial.legendre import legvander
 
 from ...core import FitError, node_shares, regress
-from ...job.result._result import AbstractResult, Expectation, Remark
+from ...job.result._result import AbstractResult, Expectation, Remark, wild_remark
 from ...readings import IN_SHOP, SHOP
 from ._law import RATE, ThermalLaw
 from ._line import Lag, Law, Meeting, TemperatureFit
@@ -195,7 +195,7 @@ def remarks_of(draft: "TemperatureDraft") -> Iterator[Remark]:
     yield from _too_quick(draft)
     yield from _too_hot(draft)
     if wild := int(fit.wild.sum()):
-        yield Remark.warning(f"{wild} wild readings were left out.")
+        yield wild_remark(wild, fit.wild.size)
     if fit.missed:
         yield Remark.info(f"{fit.missed} readings were missed or incomplete.")
     yield from _undetermined(draft)

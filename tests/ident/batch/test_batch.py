@@ -586,6 +586,19 @@ def test_the_summary_finds_what_failed_what_is_loud_and_what_grows(batch: Path) 
     assert json.loads((batch / "out" / "summary.json").read_text())["jobs"] == 18
 
 
+def test_failures_that_differ_in_numbers_alone_are_shown_once_with_the_numbers_of_one(
+    tmp_path: Path,
+) -> None:
+    texts = [f"a.csv:{k}: found {k} mm, expected at most 700" for k in (811, 907)]
+    rows = [{"job": t, "state": "failed", "reason": t, "passed": False} for t in texts]
+    write_results(tmp_path, [*rows, rows[0] | {"job": "b", "reason": "No readings."}])
+    summary = summarise(tmp_path)
+    assert summary.failed == 3
+    # Which of the two stands for both does not matter.
+    shown = {reason.replace("907", "811"): n for reason, n in summary.reasons.items()}
+    assert shown == {"found 811 mm, expected at most 700": 2, "No readings.": 1}
+
+
 def test_a_trend_needs_several_measurements_that_agree(tmp_path: Path) -> None:
     def row(machine: str, month: int, rms: float) -> dict[str, object]:
         return {

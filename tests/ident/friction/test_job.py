@@ -400,6 +400,10 @@ def test_report_says_what_a_list_cannot(done: tuple[Path, JobResult]) -> None:
     page, *plots = write_report(done[1], done[0] / "out")
     text = page.read_text()
     assert "belongs into the torque offset" in text
+    # Each value to the second digit of what it is known to.
+    known = re.findall(r"\d\.(\d+) ± 0\.0*(\d+) ", text.partition("<th>Law</th>")[2])
+    assert len(known) >= 4
+    assert {len(significant) for _, significant in known} <= {1, 2}
     assert "Quadrant spikes" in text
     # Pictures hold any three letters by chance.
     assert "nan" not in re.sub(r"base64,[^\"]+", "", text).lower()

@@ -212,6 +212,7 @@ def test_flipped_machine_is_named_and_nothing_is_called_verified(
     page = (job.parent / "out" / "report.html").read_text("utf-8")
     assert '<div class="verdict bad">Take the list out again: the list doubles' in page
     assert "Verified:" not in page
+    assert "assumed, and contradicted by the second measurement" in page
     assert "<b>Next:</b> Take the leadscrew of X out again" in page
     assert "The steps below are for the list that comes of that, not for" in page
 
