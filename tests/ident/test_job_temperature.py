@@ -389,6 +389,9 @@ def test_missed_readings_and_missed_steps_are_set_aside(tmp_path: Path) -> None:
     (tmp_path / "warm.csv").write_text("\n".join(lines) + "\n")
     found = run(tmp_path)
     assert found.fit.wild.sum() == 1
+    (words,) = (r for r in found.remarks if " wild: " in r.message)
+    assert words.level == "info"
+    assert words.message.startswith(f"1 of {found.fit.wild.size} readings is wild")
     assert found.fit.missed == 3
     assert found.error["from_file"].sound.rms < 1.1 * NOISE
 
