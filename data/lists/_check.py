@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 
 from ._check_crosstalk import check_crosstalk
+from ._check_lists import is_fragment
 from ._check_names import check_names, check_remarks
 from ._check_plausible import check_plausible
 from ._check_set import check_set
@@ -113,7 +114,8 @@ def _report_increments(view: ListView) -> None:
 def _report_missing_number(view: ListView) -> None:
     """Say that an axis list has no number; it is then taken from the file's name."""
     row = registry().by_key["kopf.achs_nr"]
-    if view.file.kind == "axis" and row.key not in view.columns:
+    whole = view.file.kind == "axis" and not is_fragment(view)
+    if whole and row.key not in view.columns:
         view.add(
             "info",
             f"{row.key} is missing: the axis is taken from the name of the file",

@@ -106,6 +106,8 @@ def main(argv: list[str] | None = None) -> int:
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
         reason = os.strerror(error.errno) if error.errno else str(error)
+        if isinstance(error, IsADirectoryError):
+            reason = "is a folder, expected a file"
         print(f"axcomp: {where}{reason}", file=sys.stderr)
         return 1
     finally:

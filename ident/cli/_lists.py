@@ -44,7 +44,7 @@ def check(
     """Check compensation, axis and start-up lists, each alone and as a set.
 
     Options:
-        files (FILE...): Compensation, axis and start-up lists.
+        files (FILE...): Compensation, axis and start-up lists; a folder: all in it.
         strict: A warning fails the check too.
         build: Controller build, such as V3.1.3108.4; the newest if left out.
 

@@ -150,10 +150,25 @@ RANGE = rf"\s*(?P<low>{_NUMBER})\s*:\s*(?P<high>{_NUMBER})\s*"
 
 
 def read_lists(files: Sequence[Path]) -> "list[ListFile]":
-    """Return the lists; one that a glob and a name both give is one list all the same."""
+    """Return the lists; one that a glob and a name both give is one list all the same.
+
+    A folder stands for the lists in it.
+
+    Raises:
+        OSError: If a file cannot be read.
+        FoundError: If a folder holds no list.
+    """
     from ...data.lists import ListFile
 
-    return [ListFile.read(file) for file in dict.fromkeys(files)]
+    every = list[Path]()
+    for file in files:
+        inside = [file]
+        if file.is_dir():
+            inside = sorted(p for p in file.iterdir() if p.suffix.lower() == ".lis")
+        if not inside:
+            raise FoundError(str(file), "a folder without lists", "*.lis files in it")
+        every += inside
+    return [ListFile.read(file) for file in dict.fromkeys(every)]
 
 
 def refuse_input(path: Path, option: str, inputs: Iterable[Path]) -> None:

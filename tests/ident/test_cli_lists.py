@@ -143,9 +143,10 @@ def test_build_that_is_none_is_one_line(
 def test_file_that_cannot_be_read_is_one_line_and_status_1(
     command: list[str], tmp_path: pathlib.Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    checks = "check" in command
     for path, reason in (
         (tmp_path / "missing.lis", "No such file"),
-        (tmp_path, "Is a directory"),
+        (tmp_path, "a folder without lists" if checks else "is a folder, expected a"),
     ):
         assert main([part.format(path) for part in command]) == 1
         out, err = capsys.readouterr()
@@ -153,6 +154,22 @@ def test_file_that_cannot_be_read_is_one_line_and_status_1(
         assert err.count("\n") == 1
         assert str(path) in err
         assert reason in err
+
+
+def test_a_folder_stands_for_all_lists_in_it(
+    plane: pathlib.Path, tmp_path: pathlib.Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "ACHSMDS3.LIS").write_text("kopf.achs_nr 3\nlr_param.ssfk 1\n")
+    # What is to be added to another list needs no number of its own.
+    (tmp_path / "achsmds3.add.lis").write_text("lr_param.crosscomp 1\n")
+    (tmp_path / "report.txt").write_text("no list")
+    main(["check", str(tmp_path)])
+    of_folder = capsys.readouterr().out
+    main(["check", *map(str, sorted(tmp_path.glob("*.[lL]*")))])
+    assert of_folder == capsys.readouterr().out
+    assert "3 lists checked" in of_folder
+    assert "achs_nr is missing" not in of_folder
+    assert plane.name in of_folder
 
 
 @pytest.mark.parametrize("raw", [b"", b"\x00\xff\xfe\n", b"\r\r\r", b"garbage"])

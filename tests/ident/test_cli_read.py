@@ -79,7 +79,7 @@ def test_read_names_a_missing_file_and_a_folder(
     assert main(["read", str(tmp_path / "nothing.csv")]) == 1
     assert "nothing.csv: No such file" in capsys.readouterr().err
     assert main(["read", str(tmp_path)]) == 1
-    assert "Is a directory" in capsys.readouterr().err
+    assert "is a folder, expected a file" in capsys.readouterr().err
 
 
 def test_read_without_a_file_is_bad_usage(capsys: pytest.CaptureFixture[str]) -> None:
