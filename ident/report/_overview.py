@@ -65,8 +65,10 @@ def _draw_fit(figure: Figure, panels: list[Axes], fit: TableResult) -> str:
         number(float(np.sqrt(np.mean(error**2)))) if error.size else "–"
         for _, error, _ in clouds
     ]
-    for panel, size, word in zip(panels, sizes, ("before", kind), strict=True):
-        panel.set_title(f"{name}, {word}: {size} {scale.error} rms", fontsize=10)
+    # The right one has no name: it would run into the scale of colours of a map.
+    words = f"{name}, before", kind
+    for panel, size, word in zip(panels, sizes, words, strict=True):
+        panel.set_title(f"{word}: {size} {scale.error} rms", fontsize=10)
     return f"{name}: {' → '.join(sizes)} {scale.error} rms ({kind})."
 
 
