@@ -324,3 +324,18 @@ def test_the_report_says_that_its_plots_show_a_sample(tmp_path: Path) -> None:
     assert view.order.max() > 0.99 * MANY
     wild = result.tables[0].fit.wild
     assert wild.sum() >= 12
+
+
+def test_the_last_reading_of_a_log_in_pieces_counts_as_one_in_memory(
+    tmp_path: Path,
+) -> None:
+    rng = np.random.default_rng(4)
+    x = rng.uniform(0.0, 330.0, 3 * MANY)
+    x[20_001] = 400.0  # not among the readings that are shown
+    error = 0.3 * x + rng.normal(0.0, 1.0, len(x))
+    y = z = np.zeros(len(x))
+    columns = {"x": x, "y": y, "z": z, "dz": error, "way": np.ones(len(x))}
+    pq.write_table(pa.table(columns), tmp_path / "log.parquet", row_group_size=3_000)
+    results = both(tmp_path, CROSS, measurement='remove = "none"')
+    assert_same(tmp_path, results)
+    assert "nobody measured" not in words(results[1])

@@ -25,6 +25,8 @@ from ._readings import datum_of, read_fit, run_table, with_one_zero, zero_at
 from ._remarks import LOG, fit_remarks, outside, places_of
 from ._trend import trend_left
 
+_WORSE = 1.5
+"""Times what is predicted that a list may leave of the readings it was fitted to."""
 _SEEN, _SAME = 5.0, 0.3
 """Noise of a reading that an old table must exceed to show, and share of it below which what was
 measured is not what it takes off."""
@@ -189,7 +191,7 @@ class TableDraft(AbstractDraft):
         ways = set() if readings.direction is None else set(readings.direction.tolist())
         places = fit.over, self.readings.positions, readings.positions
         unseen, before = dict[str, Any](), None
-        if part := part_of(*places, turn):
+        if part := self._part_seen(readings, turn):
             unseen |= zip(("axis", "low", "high"), part, strict=True)
         if self._bilateral and len(ways) == 1:
             unseen["direction"] = ways.pop()
@@ -303,6 +305,17 @@ class TableDraft(AbstractDraft):
         else:
             error, beyond = self.log.figures(back)
             count, wild = self.log.streamed.count, self.log.streamed.wild
+        doubts = []
+        held_out, written = error["predicted"].sound.rms, error["from_file"].sound.rms
+        if written > _WORSE * max(held_out, 1.0 / LIST_UNITS):
+            doubts.append(
+                Remark.error(
+                    f"The list as written leaves {self.small(written)} rms of these readings,"
+                    f" where {self.small(held_out)} were predicted: its values at what was"
+                    " measured are not those of the fit. Measure beyond the readings, or take"
+                    " nodes that end with them."
+                )
+            )
         deviation = written_deviation(self.estimate)
         axes = self.job.spec.axes
         return TableResult(
@@ -323,6 +336,7 @@ class TableDraft(AbstractDraft):
             remarks=(
                 *plan.remarks,
                 *self.said,
+                *doubts,
                 *fit_remarks(self, count, wild, beyond, places),
                 *switching_remarks(self),
             ),
@@ -330,6 +344,35 @@ class TableDraft(AbstractDraft):
             held_out="run" if self.left.by_run else "block",
             every=None if self.log is None else self.log.every,
         )
+
+    def _part_seen(
+        self, second: Readings, turn: float | None
+    ) -> tuple[str, float, float] | None:
+        """Return which part of the table, or of what one direction of it was read at, was seen.
+
+        As `part_of`: None where it was nearly all.
+        """
+        over, table, first = self.fit.over, self.plan.table, self.readings
+        limits = [self.job.spec.axes[name].limits or (-np.inf, np.inf) for name in over]
+        ends = [
+            np.clip(line.positions[[0, -1]], *own)
+            for line, own in zip(table.nodes, limits, strict=True)
+        ]
+        # What was read neither time, nobody has verified either.
+        whole = np.vstack([first.positions, np.column_stack(ends)])
+        part = part_of(over, first.positions if turn else whole, second.positions, turn)
+        ways = (1, -1) if self._bilateral and not part else ()
+        for way in ways:
+            assert first.direction is not None  # a table for each needs it
+            assert second.direction is not None
+            before, after = first.direction == way, second.direction == way
+            if not part and before.any() and after.any():
+                old, new = first.positions[before], second.positions[after]
+                named = [
+                    f"{name} in {'+' if way > 0 else '−'} direction" for name in over
+                ]
+                part = part_of(named, old, new, turn)
+        return part
 
     @property
     def _bilateral(self) -> bool:

@@ -4,19 +4,20 @@ import dataclasses
 from collections.abc import Iterator
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int
 
 from ...readings import Readings
 from ..result._result import Remark
 from ._draft import TableDraft
 from ._layout import grid_keys, grid_words, same_nodes
 from ._plan import Plan
-from ._run_remarks import SEEN, TINY
+from ._run_remarks import TINY
 
 _PART = 0.1
 """Share of a table over which readings must lie at least."""
 _TOUCHED = 0.25
 """Share of a cell at its end that readings must reach into for the node beyond it to be read."""
+_FOLLOWS = "follows the other direction"
 _EMPTY = 0.9
 """Share of the way of all readings that one gap takes where they stand at two places."""
 
@@ -25,24 +26,24 @@ def held_beyond(draft: TableDraft) -> TableDraft:
     """Return a table that goes on beyond its readings as the controller does.
 
     There the smoothness would go on straight, or bend. Where the other direction was read the
-    table follows that, as far from it as at the last reading; else it holds its edge. How far
+    table follows that, as far from it as where both were read; else it holds its edge. How far
     that moves a node joins its deviation: either may be right.
     """
     plan, estimate = draft.plan, draft.estimate
     masters, branches = plan.table.nodes, plan.table.branches
-    if plan.table.periodic:
-        return draft
     shape = branches, *(len(nodes.positions) for nodes in reversed(masters))
-    values = estimate.values.reshape(shape).copy()
+    # What was measured is held; with constraints the entries are, so that they keep them.
+    base = np.zeros(shape)
+    if plan.inequalities is not None:
+        base = plan.acting_offset.reshape(shape)
+    values = estimate.values.reshape(shape) - base
     deviation = estimate.standard_deviation.reshape(shape).copy()
-    least = max(SEEN * estimate.noise, TINY)
-    said = dict[tuple[str, float, float, str], list[str]]()
-
-    def say(branch: int, name: str, beyond: Float[np.ndarray, " n"], does: str) -> None:
-        key = name, float(beyond.min()), float(beyond.max()), does
-        said.setdefault(key, []).append("+−"[branch])
-
-    for k, (name, line) in enumerate(zip(plan.fit.over, masters, strict=True)):
+    said = _Said(draft)
+    if branches == 2 and plan.inequalities is None:
+        _follow(draft, values, deviation, said)
+    for k, line in enumerate(masters):
+        if plan.table.periodic:
+            break
         nodes = line.positions
         parts = [_part_read(draft, k, branch) for branch in range(branches)]
         fitted, curves, sd = (
@@ -61,9 +62,7 @@ def held_beyond(draft: TableDraft) -> TableDraft:
                 if (share * rest > np.maximum(TINY, sd[branch, way[1]])).any():
                     # Held at the last reading, the straight cell would miss those before it.
                     sd[branch, way[1]] = np.hypot(sd[branch, way[1]], rest)
-                    say(
-                        branch, name, nodes[way[1:2]], "goes on as the last readings do"
-                    )
+                    said.add(k, branch, way[1:2], "goes on as the last readings do")
                     edge, way = fitted[branch, way[1]], way[1:]
                 if len(way) < 2:
                     continue
@@ -75,42 +74,101 @@ def held_beyond(draft: TableDraft) -> TableDraft:
                 change[~seen] = 0.0
                 gone = edge + np.cumsum(change, axis=0)
                 moved = np.abs(fitted[branch, way[1:]] - gone)
-                if max(moved.max(), np.abs(gone - edge).max()) <= least:
-                    continue
                 curves[branch, way[1:]] = gone
                 sd[branch, way[1:]] = np.hypot(sd[branch, way[1:]], moved)
-                does = "holds its edge"
-                if seen.any():
-                    does = "follows the other direction"
-                elif plan.old is not None:
-                    does = "keeps its old shape, moved as its edge is"
-                say(branch, name, nodes[way[1:]], does)
-    remarks = [
-        Remark.warning(
-            f"No reading{f' in {signs[0]} direction' * (len(signs) < branches)} lies at {name} ="
-            f" {low:g}{f' to {high:g}' * (high > low)}: there nobody measured, and the table"
-            f" {does}. Measure there as well."
-        )
-        for (name, low, high, does), signs in said.items()
-    ]
+                held = "holds its edge"
+                if plan.active and plan.inequalities is None:
+                    held = "keeps its old shape, moved as its edge is"
+                if max(moved.max(), np.abs(gone - edge).max()) > TINY:
+                    said.add(k, branch, way[1:][seen], _FOLLOWS)
+                    said.add(k, branch, way[1:][~seen], held)
     estimate = dataclasses.replace(
         estimate,
-        values=values.reshape(estimate.values.shape),
+        values=(values + base).reshape(estimate.values.shape),
         standard_deviation=deviation.reshape(estimate.values.shape),
     )
-    remarks += _datum_beyond(draft)
-    return dataclasses.replace(draft, estimate=estimate, said=(*draft.said, *remarks))
+    remarks = *draft.said, *said.remarks(), *_datum_beyond(draft)
+    return dataclasses.replace(draft, estimate=estimate, said=remarks)
+
+
+def _follow(
+    draft: TableDraft,
+    values: Float[np.ndarray, "2 n"],
+    deviation: Float[np.ndarray, "2 n"],
+    said: "_Said",
+) -> None:
+    """Move a direction where only the other one was read between nodes where both were."""
+    table = draft.plan.table
+    nodes = table.nodes[0].positions
+    read = [_nodes_read(draft, 0, branch) for branch in range(2)]
+    both = read[0] & read[1]
+    for branch, own in enumerate(read if both.any() else ()):
+        gap = read[1 - branch] & ~own
+        if not table.periodic:  # beyond the last one its end is held
+            inside = np.flatnonzero(own)
+            gap[: inside[0]] = gap[inside[-1] :] = False
+        apart = (values[branch] - values[1 - branch])[both]
+        turn = float(np.ptp(nodes)) if table.periodic else None
+        gone = values[1 - branch] + np.interp(nodes, nodes[both], apart, period=turn)
+        moved = np.where(gap, np.abs(gone - values[branch]), 0.0)
+        values[branch, gap] = gone[gap]
+        deviation[branch] = np.hypot(deviation[branch], moved)
+        if moved.max() > TINY:
+            said.add(0, branch, np.flatnonzero(gap), _FOLLOWS)
+
+
+class _Said:
+    """Nodes without readings and what the table does there, collected to be said."""
+
+    def __init__(self, draft: TableDraft) -> None:
+        self.draft = draft
+        self.found = list[tuple[int, int, tuple[float, float], str]]()
+
+    def add(self, k: int, branch: int, nodes: Int[np.ndarray, " n"], does: str) -> None:
+        """Add nodes along a master, by number, if there are any."""
+        if len(nodes):
+            places = self.draft.plan.table.nodes[k].positions[nodes]
+            ends = float(places.min()), float(places.max())
+            self.found.append((k, branch, ends, does))
+
+    def remarks(self) -> Iterator[Remark]:
+        """Yield all that was found, once for both directions."""
+        words = dict[str, None]()
+        for k, branch, (low, high), does in self.found:
+            place = f"at {self.draft.plan.fit.over[k]} = {low:g}"
+            place += f" to {high:g}" * (high > low)
+            where = ""
+            if does == _FOLLOWS or self._read(k, 1 - branch, low, high):
+                where = f" in {'+−'[branch]} direction"
+            begin = f"No reading{where} lies {place}: there nobody measured"
+            if self._read(k, branch, low, high, wild=True):
+                begin = f"Only wild readings{where} lie {place}: there none counts"
+            words[f"{begin}, and the table {does}. Measure there as well."] = None
+        yield from map(Remark.warning, words)
+
+    def _read(
+        self, k: int, branch: int, low: float, high: float, *, wild: bool = False
+    ) -> bool:
+        """Whether readings of a direction lie from one place to another."""
+        if branch >= self.draft.plan.table.branches:
+            return False
+        nodes = self.draft.plan.table.nodes[k].positions
+        places = _places(self.draft, k, branch, wild=wild)
+        inside = (nodes >= low) & (nodes <= high)
+        return bool(_touched(nodes, places)[inside].all())
 
 
 def _datum_beyond(draft: TableDraft) -> Iterator[Remark]:
     """Yield that the instrument was set to zero more than a node beyond all readings."""
     plan = draft.plan
     lines = zip(plan.fit.over, plan.table.nodes, plan.datum or (), strict=False)
-    for k, (name, line, at) in enumerate(lines):
+    for k, (name, line, at) in enumerate(() if plan.table.periodic else lines):
         nodes = line.positions
-        parts = [_part_read(draft, k, branch) for branch in range(plan.table.branches)]
-        first, last = min(part[0] for part in parts), max(part[1] for part in parts)
-        if not nodes[max(first - 1, 0)] <= at <= nodes[min(last + 1, len(nodes) - 1)]:
+        branches = range(plan.table.branches)
+        places = [_places(draft, k, branch, datum=False) for branch in branches]
+        read = np.flatnonzero(_touched(nodes, np.concatenate(places)))
+        first, last = nodes[[max(read[0] - 1, 0), min(read[-1] + 1, len(nodes) - 1)]]
+        if not first <= at <= last:
             yield Remark.warning(
                 f"Nothing was read at {name} = {at:g}, where the instrument was set to zero"
                 " (datum): by what the error does on the way there all of the table is off."
@@ -118,32 +176,71 @@ def _datum_beyond(draft: TableDraft) -> Iterator[Remark]:
             )
 
 
+def _places(
+    draft: TableDraft,
+    master: int,
+    branch: int,
+    *,
+    wild: bool = False,
+    datum: bool = True,
+) -> Float[np.ndarray, " n"]:
+    """Return where a direction was read along a master, within the table; and its datum.
+
+    At the datum the error is zero as the job says, which nobody needs to read.
+    """
+    plan, readings, fit = draft.plan, draft.readings, draft.estimate
+    nodes = plan.table.nodes[master].positions
+    rows = np.ones(len(readings.error), bool)
+    if len(fit.wild) == len(rows) and not wild:
+        rows = ~fit.wild
+    if plan.table.branches == 2 and readings.direction is not None:
+        rows = rows & (readings.direction == (1, -1)[branch])
+    places = readings.positions[rows, master]
+    if plan.datum is not None and datum:
+        places = np.append(places, plan.datum[master])
+    first, last = nodes[[0, -1]].tolist()
+    if plan.table.periodic:
+        return np.asarray(first + (places - first) % (last - first))
+    return np.asarray(np.clip(places, first, last))
+
+
+def _touched(
+    nodes: Float[np.ndarray, " n"], places: Float[np.ndarray, " t"]
+) -> Bool[np.ndarray, " n"]:
+    """Return the nodes that were read: a reading at the other end of a cell is far from one."""
+    cell = np.clip(np.searchsorted(nodes, places, "right") - 1, 0, len(nodes) - 2)
+    share = (places - nodes[cell]) / np.diff(nodes)[cell]
+    read = np.zeros(len(nodes), bool)
+    read[cell[share < 1.0 - _TOUCHED]] = True
+    read[cell[share > _TOUCHED] + 1] = True
+    return read
+
+
+def _nodes_read(draft: TableDraft, master: int, branch: int) -> Bool[np.ndarray, " n"]:
+    """Return the nodes along a master that a direction was read at."""
+    nodes = draft.plan.table.nodes[master].positions
+    read = _touched(nodes, _places(draft, master, branch))
+    if draft.plan.table.periodic:  # its last node is the first one again
+        read[[0, -1]] = read[0] | read[-1]
+    return read
+
+
 def _part_read(
     draft: TableDraft, master: int, branch: int
 ) -> tuple[int, int, float, float]:
     """Return the first and the last node along a master that were read.
 
-    A node that readings touch from afar, at the other end of its cell, is beyond them: the
-    shares of the cells beyond that readings reach follow.
+    The shares of the cells beyond that readings reach follow.
     """
-    table, readings, wild = draft.plan.table, draft.readings, draft.estimate.wild
-    nodes = table.nodes[master].positions
-    rows = np.ones(len(readings.error), bool)
-    if len(wild) == len(rows):
-        rows = ~wild
-    if table.branches == 2 and readings.direction is not None:
-        rows = rows & (readings.direction == (1, -1)[branch])
-    places = np.clip(readings.positions[rows, master], nodes[0], nodes[-1])
-    if not len(places):
+    nodes = draft.plan.table.nodes[master].positions
+    places, read = _places(draft, master, branch), _nodes_read(draft, master, branch)
+    if not read.any():  # all of it wild
         return 0, len(nodes) - 1, 0.0, 0.0
-    low, high = float(places.min()), float(places.max())
+    first, last = np.flatnonzero(read)[[0, -1]].tolist()
     widths = np.diff(nodes)
-    first = int(np.searchsorted(nodes[1:] - _TOUCHED * widths, low, "right"))
-    last = int(np.searchsorted(nodes[:-1] + _TOUCHED * widths, high))
-    first, last = min(first, last), max(first, last)
-    before = (nodes[first] - low) / widths[max(first - 1, 0)]
-    after = (high - nodes[last]) / widths[min(last, len(widths) - 1)]
-    return first, last, max(before, 0.0), max(after, 0.0)
+    before = (nodes[first] - places.min()) / widths[max(first - 1, 0)]
+    after = (places.max() - nodes[last]) / widths[min(last, len(widths) - 1)]
+    return first, last, max(float(before), 0.0), max(float(after), 0.0)
 
 
 def two_places(plan: Plan, readings: Readings) -> Iterator[Remark]:
@@ -166,7 +263,7 @@ def two_places(plan: Plan, readings: Readings) -> Iterator[Remark]:
             f"no reading lies between {name} = {low:.6g} and {high:.6g}, and those beside stand"
             " too close together to tell how the error goes there"
         )
-        if plan.old is None:
+        if not plan.active:
             words += (
                 ", expected no node between (the controller goes straight), or readings"
             )
@@ -205,6 +302,6 @@ def better_nodes(plan: Plan, readings: Readings) -> str:
     grid = grid_keys([*readings.positions.T], reach)
     nodes = [line.positions for line in plan.table.nodes]
     few = np.min(grid["points"]) < 4  # each is left out in turn
-    if few or same_nodes(nodes, grid) or plan.old is not None:
+    if few or same_nodes(nodes, grid) or plan.active:
         return ""
     return f" Nodes that suit these readings: {grid_words(grid)}."

@@ -61,6 +61,13 @@ def fit_planned(plan: Plan, tables: Tables, left: Leftovers) -> AbstractDraft:
             )
             raise plan.job.error(("fits", plan.index, "constraints"), reason)
         draft = fit_log(log)
+        read = draft.readings
+        refuse_small_part(plan, read)
+        doubts = (
+            *two_places(plan, read),
+            *limit_remarks(plan, read.positions, log=True),
+        )
+        draft = dataclasses.replace(draft, said=(*draft.said, *doubts))
     else:
         readings, notes = read_fit(tables, plan, left)
         try:
@@ -88,7 +95,7 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
     refuse_small_part(plan, readings)
     remarks += two_places(plan, readings)
     readings, owner = with_one_zero(plan, readings)
-    remarks += limit_remarks(plan.job, plan.fit.over, readings.positions)
+    remarks += limit_remarks(plan, readings.positions)
     run = readings.run
     nodes = tuple(line.positions for line in table.nodes)
     # Whether the runs go over the same places, so that others can judge each.

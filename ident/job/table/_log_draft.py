@@ -80,11 +80,11 @@ class FittedLog:
         return {name: sums.figures for name, sums in tally.items()}, beyond
 
     def shown(self) -> tuple[Samples, Int[np.ndarray, " n"]]:
-        """Return every n-th reading and the largest wild ones, and which these are."""
+        """Return every n-th reading and those that no plot may lack, and which these are."""
         parts, rows, first = list[Samples](), list[np.ndarray](), 0
         for samples in self.readings.pieces():
             index = np.arange(-first % self.every, len(samples.error), self.every)
-            index = np.union1d(index, self._largest_wild(samples))
+            index = np.union1d(index, self._extremes(samples))
             parts.append(samples.take(index))
             rows.append(first + index)
             first += len(samples.error)
@@ -95,15 +95,22 @@ class FittedLog:
             joined([part.branch for part in parts]),
         )
         keep = row % self.every == 0
-        keep[self._largest_wild(samples)] = True
+        keep[self._extremes(samples)] = True
         return samples.take(keep), row[keep]
 
-    def _largest_wild(self, samples: Samples) -> Int[np.ndarray, " n"]:
-        if not self.streamed.wild:
-            return np.zeros(0, dtype=np.int64)
-        return largest_wild(
-            samples.error - self.zero, self.streamed.judged(samples).wild
-        )
+    def _extremes(self, samples: Samples) -> Int[np.ndarray, " n"]:
+        """Return the largest wild readings, and the outermost sound ones of each direction."""
+        wild = np.zeros(len(samples.error), bool)
+        if self.streamed.wild:
+            wild = self.streamed.judged(samples).wild
+        rows = [largest_wild(samples.error - self.zero, wild)]
+        branch = samples.branch
+        for way in (0,) if branch is None else (0, 1):
+            own = ~wild if branch is None else ~wild & (branch == way)
+            own_rows = np.flatnonzero(own)
+            for column in samples.positions[own].T if own_rows.size else ():
+                rows.append(own_rows[[np.argmin(column), np.argmax(column)]])
+        return np.concatenate(rows)
 
 
 def fit_log(readings: LogReadings) -> TableDraft:

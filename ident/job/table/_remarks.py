@@ -14,7 +14,6 @@ from ..result._result import Remark, SampleView, some_of, wild_remark
 from ._run_remarks import SEEN, TINY, run_remarks
 
 if TYPE_CHECKING:
-    from ..file._load import Job
     from ._draft import TableDraft
     from ._plan import Plan
 
@@ -177,18 +176,22 @@ def _pulled_ends(draft: "TableDraft") -> str:
 
 
 def limit_remarks(
-    job: "Job", axes: Sequence[str], positions: Float[np.ndarray, "t d"]
+    plan: "Plan", positions: Float[np.ndarray, "t d"], *, log: bool = False
 ) -> Iterator[Remark]:
-    """Return a doubt where readings lie where the software limits let no axis go."""
-    for axis, places in zip(axes, positions.T, strict=True):
-        limits = job.spec.axes[axis].limits
+    """Return a doubt where readings lie where the software limits let no axis go.
+
+    Of a log in pieces some are looked at only.
+    """
+    for axis, places in zip(plan.fit.over, positions.T, strict=True):
+        limits = plan.job.spec.axes[axis].limits
         if limits is None:
             continue
         allowed = _OVERRUN * (limits[1] - limits[0])
         beyond = np.maximum(limits[0] - places, places - limits[1]) > allowed
         if count := int(np.sum(beyond)):
+            readings = "readings looked at" if log else "readings"
             yield Remark.warning(
-                f"{count} of {len(places)} readings lie beyond the limits of {axis}"
+                f"{count} of {len(places)} {readings} lie beyond the limits of {axis}"
                 f" ({limits[0]:g} to {limits[1]:g}), where it cannot go. Are column, unit and"
                 " origin of its positions right?"
             )

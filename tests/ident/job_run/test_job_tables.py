@@ -684,3 +684,104 @@ def test_a_direction_that_was_read_in_part_follows_the_other_one(
     added = offsets(tmp_path / "out", 1, A1=place, D=np.array([-1]))
     # Its lost motion is the same there; straight on the table would be tens of um off.
     assert abs(added[0] + 0.02 * np.sin(5.0) - 0.004) < 1e-3
+
+
+def test_the_edge_is_held_however_loud_a_single_reading_is(tmp_path: Path) -> None:
+    there = np.tile(np.arange(0.0, 251.0, 12.5), 60)
+    loud = 3e-3 * np.random.default_rng(1).normal(size=len(there))
+    nodes = "start = 0.0\ninterval = 25.0\npoints = 17"
+    job = one_way(tmp_path, there, 3e-5 * there + loud, nodes)
+    (fit,) = run_job(job, tmp_path / "out").tables
+    said = " ".join(remark.message for remark in fit.remarks)
+    assert "No reading lies at X = 275 to 400: there nobody measured" in said
+    # Straight on it would gain 4.5 µm more, of which 15 µm of noise would hide nothing.
+    assert np.ptp(fit.table["pos"][10:]) == 0.0
+    assert (fit.standard_deviation["pos"][-1:] > 3e-3).all()
+
+
+def test_only_wild_readings_at_the_end_are_no_missing_readings(tmp_path: Path) -> None:
+    there = np.arange(0.0, 401.0, 10.0)
+    error = 1e-4 * there + np.where(there > 395.0, 0.2, 0.0)
+    nodes = "start = 0.0\ninterval = 10.0\npoints = 41"
+    (fit,) = run_job(one_way(tmp_path, there, error, nodes), tmp_path / "out").tables
+    said = " ".join(remark.message for remark in fit.remarks)
+    assert "Only wild readings lie at X = 400: there none counts" in said
+    assert "nobody measured" not in said
+
+
+def test_directions_that_end_at_different_places_keep_what_they_lie_apart(
+    tmp_path: Path,
+) -> None:
+    ends = {1: 300.0, -1: 150.0}
+    parts = [np.arange(0.0, end + 1.0, 12.5) for end in ends.values()] * 5
+    where = np.concatenate(parts)
+    way = np.concatenate(
+        [np.full(len(at), s) for at, s in zip(parts, [*ends] * 5, strict=True)]
+    )
+    noise = 1e-3 * np.random.default_rng(0).normal(size=len(where))
+    read = where + 2e-5 * where - 0.008 * (way < 0) + noise
+    table(tmp_path / "laser.csv", "target,actual,direction", where, read, way)
+    text = screw_job(tmp_path).read_text()
+    for line in ("smoothness = 0", 'loss = "gauss"'):
+        text = text.replace(line, "")
+    text = text.replace("points = 5", "points = 17").replace("= 100.0", "= 25.0")
+    (tmp_path / "job.toml").write_text(text)
+    (fit,) = run_job(tmp_path / "job.toml", tmp_path / "out").tables
+    said = " ".join(remark.message for remark in fit.remarks)
+    assert "No reading lies at X = 325 to 400: there nobody measured" in said
+    assert "No reading in − direction lies at X = 175 to 300: there nobody" in said
+    # 8 µm everywhere, to five readings of 1 µm at the last node of each.
+    apart = fit.table["pos"] - fit.table["neg"]
+    assert apart == pytest.approx(0.008, abs=1.5e-3)
+    assert np.ptp(apart[7:]) < 2e-4
+
+
+def test_a_datum_beyond_the_first_reading_stays_zero(tmp_path: Path) -> None:
+    there = np.tile(np.arange(25.0, 401.0, 25.0), 4)
+    nodes = "start = 0.0\ninterval = 25.0\npoints = 17"
+    job = one_way(tmp_path, there, 1e-4 * there, nodes)
+    job.write_text(job.read_text().replace('remove = "none"', "datum = { at = 0.0 }"))
+    (fit,) = run_job(job, tmp_path / "out").tables
+    # A set-up that is right at its zero and off by 2.5 µm at the first reading.
+    assert fit.table["pos"][0] == pytest.approx(0.0, abs=LIST_UNIT)
+    assert fit.table["pos"][1] == pytest.approx(2.5e-3, abs=3e-4)
+
+
+def old_table(folder: Path, entries: list[int]) -> None:
+    head = "kopf.achs_nr 1\nkw.ssfk.unit 1\nkw.ssfk.interval 500000\n"
+    head += f"kw.ssfk.kw_startpos 0\nkw.ssfk.kw_nr_max {len(entries)}\n"
+    lines = [f"kw.ssfk.table[{k}].pos {value}\n" for k, value in enumerate(entries)]
+    (folder / "old.lis").write_text(head + "".join(lines))
+
+
+def beside_old(folder: Path, there: np.ndarray, keys: str, active: str) -> Path:
+    nodes = f"start = 0.0\ninterval = 50.0\npoints = 9\n{keys}"
+    job = one_way(folder, np.tile(there, 5), 0.1 * np.tile(there, 5) / 4000.0, nodes)
+    text = job.read_text().replace("number = 1", 'number = 1\nlist = "old.lis"')
+    job.write_text(text.replace("active = []", f"active = {active}"))
+    return job
+
+
+def test_an_old_table_that_was_off_shapes_nothing(tmp_path: Path) -> None:
+    old_table(tmp_path, [0, 20, 50, 60, 60, 100, -60, 170, 200])
+    job = beside_old(tmp_path, np.arange(0.0, 251.0, 12.5), "", "[]")
+    (fit,) = run_job(job, tmp_path / "out").tables
+    said = " ".join(remark.message for remark in fit.remarks)
+    assert "X = 300 to 400: there nobody measured, and the table holds its edge" in said
+    there = np.concatenate([np.arange(0.0, 16.0, 2.5), np.arange(385.0, 401.0, 2.5)])
+    job = beside_old(tmp_path, there, "", "[]")
+    with pytest.raises(JobError, match=r"no reading lies between X = 15 and 385"):
+        run_job(job, tmp_path / "out")
+
+
+def test_constraints_hold_the_entries_beside_an_old_table_where_nobody_measured(
+    tmp_path: Path,
+) -> None:
+    # A bump where nothing was read now, which a list that turns back nowhere cannot keep.
+    old_table(tmp_path, [20, 150, 30, 60, 80, 100, 120, 140, 160])
+    keys = 'solver = "ipopt"\nconstraints = ["monotone"]'
+    job = beside_old(tmp_path, np.arange(100.0, 401.0, 12.5), keys, '["leadscrew"]')
+    (fit,) = run_job(job, tmp_path / "out").tables
+    left = fit.error["from_file"].sound.rms
+    assert left < 1.5 * fit.error["predicted"].sound.rms
+    assert np.ptp(fit.table["pos"][:3]) == 0.0

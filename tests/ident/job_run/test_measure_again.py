@@ -782,3 +782,27 @@ def test_the_sheet_sends_an_axis_no_further_than_it_can_go(
     # Of the node at 0 alone nobody can come from below.
     assert ("move slowly to" in sheet[0].detail) == bool(place)
     assert f"move slowly to X1 = {place}" in sheet[0].detail or not place
+
+
+def test_what_was_read_neither_time_is_not_verified(tmp_path: Path) -> None:
+    near = np.arange(0.0, 201.0, 25.0)
+    laser(tmp_path / "laser.csv", None, there=near)
+    job = screw_job(tmp_path)
+    run_job(job, tmp_path / "out")
+    assert fit(job, "--after", str(after_job(tmp_path, 1.0, there=near))) == 0
+    (reason,) = fitted(job)["reasons"]
+    assert reason == {"code": "in_part", "axis": "X", "low": 0.0, "high": 200.0}
+
+
+def test_a_direction_of_which_a_part_was_seen_is_verified_in_part(
+    job: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    again = after_job(job.parent, 1.0)
+    head, *rows = (job.parent / "after.csv").read_text().splitlines()
+    seen = [r for r in rows if r.endswith(",1") or float(r.split(",")[0]) <= 200.0]
+    (job.parent / "after.csv").write_text("\n".join([head, *seen]) + "\n")
+    assert fit(job, "--after", str(again)) == 0
+    (reason,) = fitted(job)["reasons"]
+    assert reason["code"] == "in_part"
+    said = " ".join(capsys.readouterr().out.split())
+    assert "which saw X in − direction from 0 to 200 mm only" in said

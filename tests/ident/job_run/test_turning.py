@@ -111,3 +111,25 @@ def test_no_line_is_taken_off_a_turn(tmp_path: Path) -> None:
     (tmp_path / "job.toml").write_text(text)
     with pytest.raises(JobError, match=r"C goes round, and .* has no slope"):
         run_job(tmp_path / "job.toml", tmp_path / "out")
+
+
+def test_a_direction_that_was_read_in_part_of_a_turn_follows_the_other(
+    tmp_path: Path,
+) -> None:
+    rng = np.random.default_rng(1)
+    there = np.arange(0.0, 346.0, 15.0)
+    parts = [(there, 1.0), (there[there <= 135.0][::-1], -1.0)] * 5
+    path = np.concatenate([at for at, _ in parts])
+    direction = np.concatenate([np.full(len(at), way) for at, way in parts])
+    error = truth(path, direction) + 3e-3 * np.sin(np.deg2rad(3.0 * path))
+    error += 1e-4 * rng.standard_normal(len(path))
+    table(tmp_path / "m.csv", "way,c,e", direction, path, error)
+    columns = '"C.direction" = "way", "C.position" = "c", "C.error" = "e"'
+    job = tmp_path / "job.toml"
+    job.write_text(_JOB.format(columns=columns))
+    (fit,) = run_job(job, tmp_path / "out").tables
+    said = " ".join(remark.message for remark in fit.remarks)
+    assert "No reading in − direction lies at C = 180 to 330" in said
+    # 6 m° everywhere, to the noise of five readings at each of four nodes.
+    apart = fit.table["neg"] - fit.table["pos"]
+    assert apart == pytest.approx(6e-3, abs=3e-4)

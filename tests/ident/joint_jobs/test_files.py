@@ -236,7 +236,7 @@ def test_an_exponential_warming_leaves_clocks_that_agree_as_they_are(
     # Any shift to the left fits the readings that are left, with a steeper line: -5000 s.
     assert clock.offset == 0.0
     assert clock.standard_deviation is None
-    words = " ".join(remark.message for remark in found.fits[0].remarks)
+    words = " ".join(remark.message for remark in found.groups[0].remarks)
     assert "the offset between them is not determined by X.error" in words
     thermal = found.fits[1]
     assert isinstance(thermal, TemperatureResult)
