@@ -13,7 +13,7 @@ import scipy.sparse as sp
 from jaxtyping import Array, Float, Int
 
 from ..data.measurements import Measurement
-from ..data.signals import without_spikes
+from ..data.signals import find_polarity, without_spikes
 from ._arguments import (
     Datum,
     by_name,
@@ -54,6 +54,9 @@ if TYPE_CHECKING:
 
 _FOLDS = 5
 """Blocks of consecutive readings that are held out in turn where there is one run."""
+_MOVES, _FEW, _SURE = 0.02, 20, 0.999
+"""Share of the highest speed from which on an axis moves; samples that show a direction; and
+probability from which on the sign of a current is known."""
 _EMPTY = 1e-10
 """Variance of a mode, relative to the largest one, that counts as zero."""
 
@@ -419,8 +422,36 @@ def _friction(effect: Friction, given: Mapping[str, np.ndarray]) -> Choice:
     inertia = None if effect.inertia == "fit" else float(effect.inertia)
     velocity, acceleration, current = (given[role] for role in effect.roles[1:])
     current, _ = without_spikes(current)
+    _check_drive(effect.axis, velocity, acceleration, current)
     samples = DriveSamples(given["time"], velocity, current, acceleration)
     return choose_law(samples, inertia=inertia)
+
+
+def _check_drive(
+    axis: str,
+    velocity: Float[np.ndarray, " t"],
+    acceleration: Float[np.ndarray, " t"],
+    current: Float[np.ndarray, " t"],
+) -> None:
+    """Raise where a recording goes in one direction only, or its current opposes the motion."""
+    fast = np.abs(velocity) > _MOVES * np.abs(velocity).max(initial=0.0)
+    way = np.where(fast, np.sign(velocity), 0.0).astype(np.int64)
+    ways = {sign: int(np.sum(way == sign)) for sign in (1, -1)}
+    if min(ways.values()) < _FEW and max(ways.values()) >= _FEW:
+        found = "positive" if ways[1] else "negative"
+        msg = (
+            f"{axis}.velocity: found motion in {found} direction only, expected both: the"
+            " offset cannot be told from the friction"
+        )
+        raise FitError(msg)
+    polarity = find_polarity(current, way, acceleration)
+    if polarity.sign == -1 and polarity.confidence >= _SURE:
+        msg = (
+            f"{axis}.current: found one that opposes the motion ({polarity.statement}), as"
+            " torque feedback is recorded, expected the current that drives it: give it"
+            " with the other sign"
+        )
+        raise FitError(msg)
 
 
 def _constrained(

@@ -28,7 +28,7 @@ class Motion:
         bandwidth: In Hz: slower changes are left, faster ones taken out (1/√2 is left
             of one at this frequency).
         position_noise: Standard deviation of the white noise on the recorded positions.
-        velocity_noise: What it becomes in the velocity.
+        velocity_noise: What it becomes in the velocity, of all rows or of each.
         acceleration_noise: What it becomes in the acceleration.
         settled: False within reach of an end of the record or of a jump of the clock,
             where the values rest on one side only.
@@ -41,7 +41,7 @@ class Motion:
     acceleration: Float[np.ndarray, " t"]
     bandwidth: float
     position_noise: float
-    velocity_noise: float
+    velocity_noise: float | Float[np.ndarray, " t"]
     acceleration_noise: float
     settled: Bool[np.ndarray, " t"]
     clock: Clock

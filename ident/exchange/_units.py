@@ -46,6 +46,15 @@ class ModelUnit:
     name: str
     size: float | None = None
 
+    def __post_init__(self) -> None:
+        size = self.size
+        number = isinstance(size, int | float | np.number) and not isinstance(
+            size, bool
+        )
+        positive = size is None or (number and 0.0 < size < np.inf)
+        words = "a positive number: the sign of a list is that of its model"
+        expect(positive, f"ModelUnit({self.name!r}).size", repr(size), words)
+
 
 _EXACT = 1e-5
 """Distance to an integer in list units that is floating point noise (1 pm)."""

@@ -36,8 +36,8 @@ _EXPONENTS = (0.7, 1.0, 2.0)
 _EXPONENT_RANGE = (0.3, 6.0)
 _RATIO = np.sqrt(2.0)
 """Ratio of neighbouring Stribeck velocities from which the search starts."""
-_LEVELS = 400
-"""Speeds at which the distribution of a recording is taken."""
+_LEVELS, _DENSEST = 400, 3.0
+"""Speeds at which the distribution of a recording is taken; its largest density, of an even one."""
 
 Shape = Float[np.ndarray, " h"]
 """Logarithms of the non-linear parameters of a law, such as its Stribeck velocity."""
@@ -341,6 +341,10 @@ def default_knots(speed: Trace, count: int) -> tuple[float, ...]:
     # The slowest few samples are mostly what a filter made of a standstill.
     level = np.linspace(np.log(speeds[len(speeds) // 200]), np.log(speeds[-1]), _LEVELS)
     share = np.searchsorted(speeds, np.exp(level)) / len(speeds)
+    # Knots beside each other at a speed that is held for long would follow what is left of its
+    # ripple: nowhere more than so many times as dense as by the logarithm.
+    dense = np.minimum(np.diff(share), _DENSEST / (_LEVELS - 1))
+    share = np.concatenate([[0.0], np.cumsum(dense)])
     mixed = share + (level - level[0]) / max(level[-1] - level[0], 1e-300)
     mixed = (mixed - mixed[0]) / (mixed[-1] - mixed[0])
     places = np.exp(np.interp(np.linspace(0.0, 1.0, count), mixed, level))

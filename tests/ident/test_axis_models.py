@@ -150,6 +150,12 @@ def test_currents_are_written_as_shares_of_the_rated_one(tmp_path: Path) -> None
     np.testing.assert_array_equal(law.values, MODELS["friction"].law.values)
 
 
+@pytest.mark.parametrize("size", [-0.0125, 0.0, np.inf, np.nan, "0.0125", True])
+def test_a_unit_is_a_positive_number(size: object) -> None:
+    with pytest.raises(ExchangeError, match="expected a positive number"):
+        ModelUnit("A", size=size)  # type: ignore[arg-type]
+
+
 @pytest.mark.parametrize(
     ("models", "units", "message"),
     [

@@ -155,6 +155,13 @@ def test_friction_is_fitted_from_the_current() -> None:
     law = fit["friction"].model
     # One reading scatters by 0.02 A; thousands of them stand behind each speed.
     assert float(law(np.array([40.0]))[0]) == pytest.approx(1.6, abs=0.02)
+    with pytest.raises(
+        FitError, match=r"X\.current: found one that opposes the motion"
+    ):
+        axcomp.fit([axcomp.Friction("X")], recording | {"X.current": -current})
+    ahead = {name: values[velocity > 0.0] for name, values in recording.items()}
+    with pytest.raises(FitError, match="motion in positive direction only"):
+        axcomp.fit([axcomp.Friction("X")], ahead)
     with pytest.raises(FitError, match="found active or constraints of it"):
         axcomp.fit(
             [axcomp.Friction("X")], recording, constraints={"friction": ["monotone"]}

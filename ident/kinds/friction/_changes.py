@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 from jaxtyping import Float
+from scipy.ndimage import uniform_filter1d
 
 from ...friction import DriveSamples
 from ...job.result._result import Remark
@@ -17,6 +18,8 @@ _LATE, _SHIFTS, _BETTER, _STRETCH = 0.05, 20, 0.95, 30_000
 """Seconds by which a current may be late or early, how many are tried each way, and what it must
 leave of the variance of how many readings: behind each reversal all friction is missing, and
 twice."""
+_ONE_SINE = 0.99
+"""Correlation of acceleration and position from which on one stands for the other."""
 _SURE = 3.0
 """Standard deviations from which on a change is one."""
 _ROWS, _ALIKE = 10, 1e-11
@@ -27,6 +30,7 @@ none: columns may be alike, as the law and the speed are."""
 def changes(
     samples: DriveSamples,
     friction: Callable[[Float[np.ndarray, " t"]], Float[np.ndarray, " t"]],
+    inertia: float,
     unit: str,
 ) -> Iterator[Remark]:
     """Yield what the current of a recording does beside the law that was found.
@@ -38,9 +42,10 @@ def changes(
     Args:
         samples: Of the recording.
         friction: The law: current over velocity.
+        inertia: In units of the current per mm/s² or °/s².
         unit: Of the current.
     """
-    late = _late(samples, friction)
+    late = _late(samples, friction, inertia)
     way = np.sign(samples.velocity) * samples.in_motion
     starts = np.flatnonzero(np.diff(way, prepend=0.0) != 0.0)
     rows = np.flatnonzero(samples.in_motion)
@@ -62,13 +67,24 @@ def changes(
     # Where the far places were passed fast alone, the law has taken them for the speed: what
     # a speed shows beside it stands in columns of its own.
     columns += [law, np.sign(speed), speed / np.abs(speed).max()]
+    current = samples.current[rows + late]
     if samples.acceleration is not None:
+        # Not as a column: a noisy acceleration shows too small an inertia, and the place, which
+        # goes with it where an axis goes to and fro, would take the rest.
         push = samples.acceleration[rows]
-        columns.append(push / (np.abs(push).max() or 1.0))
+        current = current - inertia * push
+        window = max(round(_LATE / samples.cycle), 1)
+        quiet = uniform_filter1d(samples.acceleration, window)[rows]
+        if travel > 0.0 and -np.corrcoef(quiet, place)[0, 1] > _ONE_SINE:
+            yield Remark.info(
+                "The axis went to and fro as a single sine, whose acceleration goes with the"
+                " position: what a spring or a cable does is in the inertia. Record several"
+                " speeds, or other ways, to tell them apart."
+            )
     if len(rows) < _ROWS * len(columns):
         return
     # Sums of what the columns and the current have in common, less those of each stretch.
-    known = np.stack([*columns, samples.current[rows + late] / size], axis=1)
+    known = np.stack([*columns, current / size], axis=1)
     sums = np.stack([part.T @ part for part in np.array_split(known, _PARTS)])
     sums = sums.sum(axis=0) - sums
     inverse = np.linalg.pinv(sums[:, :-1, :-1], rcond=_ALIKE, hermitian=True)
@@ -119,11 +135,14 @@ def changes(
 def _late(
     samples: DriveSamples,
     friction: Callable[[Float[np.ndarray, " t"]], Float[np.ndarray, " t"]],
+    inertia: float,
 ) -> int:
     """Return by how many samples the current comes later than the motion that it is of."""
     # Few readings stand behind a reversal: those of one stretch, and not one in so many.
     rows = np.flatnonzero(samples.in_motion)[:_STRETCH]
     law, most = friction(samples.velocity[rows]), round(_LATE / samples.cycle)
+    if samples.acceleration is not None:
+        law = law + inertia * samples.acceleration[rows]
     step = max(1, most // _SHIFTS)
     kept = (rows >= most) & (rows < len(samples.time) - most)
     left = {

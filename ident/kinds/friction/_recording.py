@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float
+from scipy.ndimage import maximum_filter1d
 
 from ....data.measurements import (
     CellError,
@@ -43,8 +44,14 @@ _LEAST, _BRIDGED = 100, 4
 """Samples of a recording, and those missed in a row, that are filled in at most."""
 _APART, _SAME = 10.0, 0.05
 """s between recordings of one fit, and the share that their sample times may differ by."""
+_SLOWER, _WITHIN, _KEPT, _UNSURE = 10.0, 1.0, 0.2, 10.0
+"""A slower filter, of the bandwidth of the usual one; periods of it within which a speed is kept,
+and its change in one of them; deviations of the usual velocity below which that one is unsure."""
 _FINE = 1e-4
 """Median noise of a recorded velocity, as a share of the highest, that is none."""
+_JITTER, _SMOOTHER = 0.005, 0.7
+"""Share of a step by which a clock may be uneven unheeded; jerk with an even one, of that with the
+recorded one, below which the even one is right."""
 _SURE = 0.999
 """Probability from which on a current that opposes the motion is turned round."""
 
@@ -84,7 +91,7 @@ def read_drive(tables: Tables, fit: Spec) -> DriveRecording:
     purpose = f"for the friction fit of {axis}"
     recorded = np.asarray(measured.require(role, purpose), dtype=float)
     current, spikes = without_spikes(recorded)
-    motion = _motion(measured, axis)
+    motion, even = _on_even_clock(measured, axis)
     spec = tables.job.spec.axes[axis]
     unit = "mm" if spec.kind == "linear" else "°"
     examined = examine(motion, current, unit=unit)
@@ -116,7 +123,11 @@ def read_drive(tables: Tables, fit: Spec) -> DriveRecording:
         for finding in examined.findings
         if finding.kind not in _NO_LIST
         and not (turned and finding.kind == "current opposes the motion")
+        # Between several recordings of one fit it jumps in any case.
+        and (finding.kind != "clock jumps" or len(motion.clock.jumps) >= len(parts))
     ]
+    if even:
+        remarks.append(Remark.info(even))
     if dropped:
         words = (
             f"{dropped} samples that the recorder dropped, of {measured.rows}, were filled in"
@@ -209,19 +220,79 @@ def _one_after_another(parts: Sequence[Measurement]) -> Measurement:
     )
 
 
+def _on_even_clock(measured: Measurement, axis: str) -> tuple[Motion, str]:
+    """Return the motion of an axis, and that its samples were taken as even in time.
+
+    A time that was rounded, or stamped when a sample arrived, makes a smooth motion jerk. Where
+    samples lie within one step of an even clock, and the motion is smoother by that one, it is
+    the clock of the drive.
+    """
+    motion = _motion(measured, axis)
+    clock = motion.clock
+    if clock.jitter <= _JITTER * clock.sample_time:
+        return motion, ""
+    time = np.asarray(measured.require("time", "for a drive"), dtype=float)
+    even = time.copy()
+    for rows in clock.segments:
+        count = np.arange(len(time[rows]), dtype=float)
+        if len(count) > _LEAST:
+            even[rows] = np.polynomial.Polynomial.fit(count, time[rows], 1)(count)
+    moved = float(np.abs(even - time).max())
+    if moved > clock.sample_time:
+        return motion, ""
+    values = RoleValues({**measured.values, "time": even})
+    smooth = _motion(dataclasses.replace(measured, values=values), axis)
+    jerks = [
+        float(np.std(np.diff(one.acceleration)[one.settled[1:] & one.settled[:-1]]))
+        for one in (smooth, motion)
+    ]
+    if not jerks[0] < _SMOOTHER * jerks[1]:
+        return motion, ""
+    return smooth, (
+        f"The times are uneven by {1e3 * clock.jitter:.2g} ms a step, and the motion is smoother"
+        f" with samples every {1e3 * smooth.clock.sample_time:.4g} ms: taken as these (times"
+        f" moved by up to {1e3 * moved:.2g} ms)."
+    )
+
+
 def _motion(measured: Measurement, axis: str) -> Motion:
     """Return the motion as recorded where that is as fine as a derived one, or derived."""
     motion = derive_motion(measured, axis, share=_SHARE)
+    noise = float(np.max(motion.velocity_noise))
     recorded = (
         recorded_motion(measured, axis, name) for name in ("velocity", "acceleration")
     )
     fast, hard = (None if v is None else np.asarray(v, float) for v in recorded)
     if fast is None or (hard is None and (np.diff(motion.time) <= 0.0).any()):
-        return motion
+        return _creeping(motion, measured, axis)
     moving = np.abs(fast) > _FINE * np.abs(fast).max()
-    fine = max(motion.velocity_noise, _FINE * float(np.abs(fast).max()))
+    fine = max(noise, _FINE * float(np.abs(fast).max()))
     apart = np.abs(fast - motion.velocity)[moving]
     if hard is None and (not apart.size or float(np.median(apart)) > fine):
-        return motion
+        return _creeping(motion, measured, axis)
     hard = np.gradient(fast, motion.time) if hard is None else hard
     return dataclasses.replace(motion, velocity=fast, acceleration=hard)
+
+
+def _creeping(motion: Motion, measured: Measurement, axis: str) -> Motion:
+    """Return a motion with a slower filter where an axis creeps at a speed that it keeps.
+
+    There the wide one, which ramps need, shows the steps of the encoder and not the speed.
+    """
+    try:
+        slow = derive_motion(measured, axis, cutoff=motion.bandwidth / _SLOWER)
+    except MeasurementError:  # too short for it
+        return motion
+    window = 1 + 2 * max(round(_WITHIN / slow.bandwidth / motion.step), 1)
+    change = maximum_filter1d(np.abs(slow.acceleration), window) / slow.bandwidth
+    speed, certain = np.abs(slow.velocity), 5.0 * slow.velocity_noise
+    kept = slow.settled & motion.settled & (speed > certain) & (change < _KEPT * speed)
+    kept &= speed < _UNSURE * np.asarray(motion.velocity_noise)
+    if not kept.any():
+        return motion
+    return dataclasses.replace(
+        motion,
+        velocity=np.where(kept, slow.velocity, motion.velocity),
+        acceleration=np.where(kept, slow.acceleration, motion.acceleration),
+        velocity_noise=np.where(kept, slow.velocity_noise, motion.velocity_noise),
+    )

@@ -181,7 +181,7 @@ class FrictionEntries(AbstractEntries):
         unit = unit or ModelUnit("no stated unit")
         if unit.name in self.units:
             return model
-        if unit.size and isinstance(model.law, FrictionTable):
+        if unit.size is not None and isinstance(model.law, FrictionTable):
             scaling = model.law.scaling / unit.size
             scaled: FrictionCompensation = eqx.tree_at(
                 lambda friction: friction.law.scaling, model, scaling
