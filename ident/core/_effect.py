@@ -11,7 +11,14 @@ import numpy as np
 import scipy.linalg
 from jaxtyping import Array, Bool, Float, Int
 
-from ...models import AbstractLookup, EquidistantNodes, Leadscrew, Plane, Setpoints
+from ...models import (
+    AbstractLookup,
+    EquidistantNodes,
+    Leadscrew,
+    Plane,
+    Setpoints,
+    linear_weights,
+)
 from ._prior import AbstractPrior, NoPrior, Smooth, chain
 from ._readings import FitError, Readings, filled
 
@@ -202,13 +209,11 @@ def node_shares(
 
     Those of all laws of `axcomp.models` over given points: linear between, the ends held.
     """
-    finite, table = np.isfinite(places), TableEffect((nodes,))
-    inputs = {"position 1": np.where(finite, places, nodes[0])}
-    at, shares = table.design(Readings(places, inputs))
-    result = np.zeros((len(places), len(nodes)))
-    np.add.at(result, (np.arange(len(places))[:, None], at), shares)
-    result[~finite] = np.nan
-    return result
+    rows, (first, shares) = np.arange(len(places)), linear_weights(nodes, places)
+    result = np.zeros((len(places), len(nodes) + 1))  # a table may have one node
+    result[rows, first], result[rows, first + 1] = shares
+    result[~np.isfinite(places)] = np.nan
+    return result[:, :-1]
 
 
 @final

@@ -21,9 +21,9 @@ from ...models import (
     FrictionTable,
     Setpoints,
     StribeckFriction,
-    linear_weights,
     stribeck_columns,
 )
+from ..core import node_shares
 from ._samples import Trace
 
 SUFFIXES = ("_positive", "_negative")
@@ -282,11 +282,7 @@ class KnotTable(AbstractStructure):
 
     def steady(self, speed: Trace) -> Float[np.ndarray, "t k"]:
         """See `AbstractStructure`: the weights of the model's table."""
-        rows = np.arange(len(speed))
-        first, weights = linear_weights(np.asarray(self.knots), speed)
-        columns = np.zeros((len(speed), len(self.knots)))
-        columns[rows, first], columns[rows, first + 1] = weights
-        return columns
+        return node_shares(speed, np.asarray(self.knots))
 
     def bent(self, velocity: Trace, factors: Float[np.ndarray, " k"]) -> Trace:
         """See `AbstractStructure`: the smooth curve is a cubic spline through the knots."""

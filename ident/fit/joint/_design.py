@@ -17,6 +17,7 @@ import scipy.sparse as sp
 from jaxtyping import Bool, Float, Int
 from scipy.ndimage import maximum, minimum
 
+from ....models import linear_weights
 from ..._recording import JointData
 from ...core import (
     ColumnsEffect,
@@ -28,6 +29,7 @@ from ...core import (
     Smooth,
     Stack,
     chain,
+    node_shares,
     sums_of,
 )
 from .._identifiable import null_space, pins_of
@@ -83,20 +85,16 @@ class Course:
             since = data.time[rows] - low[index]
             place = np.clip(since / (high - low)[index], 0.0, 1.0)
         cells = self.pieces * self.steps
-        cell = np.floor(np.nan_to_num(place) * cells).astype(np.int64)
-        cell = np.minimum(cell, max(cells - 1, 0))
-        right = place * cells - cell
+        instants = np.arange(cells + 1.0)
+        cell, shares = linear_weights(instants, place * cells)
         first = index * (cells + 1)
         nodes = first + cell, first + np.minimum(cell + 1, cells)
         entries = (np.tile(np.arange(len(rows)), 2), np.concatenate(nodes))
-        inside = labels[index] == run
-        shares = np.concatenate([inside * (1.0 - right), inside * right])
+        shares *= labels[index] == run
         shape = (len(rows), len(labels) * (cells + 1))
-        at = sp.csr_array((shares, entries), shape=shape)
+        at = sp.csr_array((shares.reshape(-1), entries), shape=shape)
         # At each instant of a run: shares of the knots of its drift, and of the bridges between.
-        instants = np.arange(cells + 1)
-        distance = np.abs(instants[:, None] / self.steps - np.arange(self.pieces + 1))
-        knots = np.maximum(1.0 - distance, 0.0)
+        knots = node_shares(instants / self.steps, np.arange(self.pieces + 1.0))
         bridges = np.eye(cells + 1)[:, instants % self.steps > 0]
         parts = {Rank.RUNS: knots, Rank.WANDER: bridges}
         unit = sp.eye_array(len(labels))
