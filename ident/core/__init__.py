@@ -59,6 +59,7 @@ from ._regression import (
     find_drift as find_drift,
     least_scale as least_scale,
     regress as regress,
+    rooted as rooted,
     scatter_of_sums as scatter_of_sums,
 )
 from ._robust import Estimate as Estimate, Passes as Passes, memory as memory

@@ -34,7 +34,8 @@ _RIDGE = 1e-9
 _MAGNITUDES = 10
 """Passes of least magnitudes, which only begin."""
 SINGULAR = 1e-9
-"""Size of a combination of scaled columns, in that of the largest, from which on it is 0."""
+"""Size of a combination of scaled columns, in that of the largest, from which on it is 0; and
+information on a direction of scaled unknowns below which nothing is known."""
 _EXACT = 1e-6
 """Smallest scatter relative to the spread of the readings."""
 _THIN = 20_000
@@ -355,6 +356,21 @@ def _spectrum(
     values = np.append(values, np.zeros(size - len(values)))
     positive = values > SINGULAR * max(float(values[0]), 1e-300)
     return right[positive].T / values[positive], right[~positive].T
+
+
+def rooted(
+    matrix: Float[np.ndarray, "k k"],
+) -> tuple[Float[np.ndarray, "k r"], Float[np.ndarray, "k z"]]:
+    """Return R with R Rᵀ the inverse in directions that are known, and the other directions.
+
+    Of an information matrix; it is judged with a unit diagonal.
+    """
+    size = np.sqrt(np.maximum(np.diag(matrix), 0.0))
+    size = np.where(size > 0, size, 1.0)
+    values, vectors = np.linalg.eigh(matrix / np.outer(size, size))
+    known = values > SINGULAR
+    root = vectors[:, known] / np.sqrt(values[known]) / size[:, None]
+    return root, vectors[:, ~known] / size[:, None]
 
 
 def _least_magnitudes(

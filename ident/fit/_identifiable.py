@@ -1,7 +1,7 @@
 r"""What readings cannot identify, whatever they measured: by the information of their columns.
 
 The information matrix $X^T X$ of columns that come in groups (one group per effect) shows two
-kinds of it: directions without any information (`null_space`), and directions that one group
+kinds of it: directions without any information (`rooted`), and directions that one group
 shares with another, which only their sum shows (`Correlations`: canonical correlations of the
 groups beside a constant, since every group may hold one).
 
@@ -19,18 +19,13 @@ import numpy as np
 import scipy.linalg
 from jaxtyping import Float, Int
 
-SINGULAR = 1e-9
-"""Eigenvalue of scaled information below which nothing is known."""
+from ..core import rooted
+from ..core._regression import SINGULAR
+
 _ROUNDING = 1e-12
 """Information on a shape, relative to the largest of its group, that is rounding only."""
 _MEMBER = 0.05
 """Part in a shared direction, relative to the largest, from which on a group is a member."""
-
-
-def null_space(matrix: Float[np.ndarray, "m m"]) -> Float[np.ndarray, "m g"]:
-    """Return the null space of an information matrix, judged with a unit diagonal."""
-    values, vectors, scale = _scaled_modes(matrix)
-    return np.asarray(vectors[:, values < SINGULAR] / scale[:, None])
 
 
 def pivoted(
@@ -53,23 +48,6 @@ def pins_of(
         typical = float(np.median(diagonal[diagonal > 0]))
         pins[pinned] = np.where(diagonal[pinned] > 0, diagonal[pinned], typical)
     return pins
-
-
-def _scaled_modes(
-    matrix: Float[np.ndarray, "m m"],
-) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, "m m"], Float[np.ndarray, " m"]]:
-    """Return eigenvalues and vectors of a matrix with a unit diagonal, and what scaled it."""
-    diagonal = np.diag(matrix)
-    scale = np.where(diagonal > 0, np.sqrt(np.maximum(diagonal, 0.0)), 1.0)
-    values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
-    return np.asarray(values), np.asarray(vectors), scale
-
-
-def _whitener(matrix: Float[np.ndarray, "m m"]) -> Float[np.ndarray, "m r"]:
-    """Return columns that make information a unit matrix, what has none left out."""
-    values, vectors, scale = _scaled_modes(matrix)
-    good = values > SINGULAR
-    return np.asarray(vectors[:, good] / scale[:, None] / np.sqrt(values[good]))
 
 
 @final
@@ -160,7 +138,7 @@ class Correlations:
         white: list[np.ndarray] = []
         constants = []
         for k, at in enumerate(slices):
-            mixing = _whitener(shapes.matrix[at, at])
+            mixing = rooted(shapes.matrix[at, at])[0]
             shadow = mixing.T @ along[at] / np.sqrt(total)
             length = float(shadow @ shadow)
             if k != number and 1.0 - length < limit:
@@ -196,7 +174,7 @@ class Correlations:
         """Return the part of each value of a group, 0 to 1, that no reading shows at all."""
         basis, at = self.shapes.basis[number], self.shapes.slices[number]
         matrix = self.shapes.matrix[at, at]
-        white = _whitener(matrix)
+        white, _ = rooted(matrix)
         length = np.maximum(np.linalg.norm(basis, axis=1), 1e-300)
         free = basis - basis @ white @ (white.T @ matrix)
         full = white.shape[1] == basis.shape[1]

@@ -15,12 +15,12 @@ from jaxtyping import Float
 from scipy.linalg import eigh
 from scipy.optimize import least_squares
 
-from ..core import FitError, one_blas_thread
+from ..core import FitError, one_blas_thread, rooted
 from ._equation import Equation, in_line, record
 from ._result import OTHER, FrictionFit, lag_of, score_covariance
 from ._samples import DriveSamples
 from ._structures import GAUSS, AbstractStructure, CoulombViscous, Shape, Stribeck
-from ._weights import Rows, View, Weights, orthonormal, ridged, rooted, weigh
+from ._weights import Rows, View, Weights, orthonormal, ridged, weigh
 
 _DROP = 3.0
 """Standard deviations that a drop must show to be one."""

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ..core import FitError
+from ..core import FitError, rooted
 from ._equation import Equation, record
 from ._inverse import fit_equation
 from ._result import FrictionFit, score_covariance
@@ -34,7 +34,7 @@ from ._simulate import (
     solve,
 )
 from ._structures import SUFFIXES, CoulombViscous, Laws, Stribeck
-from ._weights import Rows, rooted, weigh
+from ._weights import Rows, weigh
 
 _PIECES, _SHORTEST = 64, 40
 """Short windows, and the least samples of each, that lead from a far start to a near one."""

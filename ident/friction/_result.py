@@ -10,10 +10,11 @@ from jaxtyping import Bool, Float, Int
 
 from ...data.signals import median
 from ...models import AbstractFriction
+from ..core import rooted
 from ._equation import Equation
 from ._samples import Trace
 from ._structures import GAUSS, SUFFIXES, AbstractStructure, Shape, Stribeck
-from ._weights import Rows, rooted
+from ._weights import Rows
 
 _ONE_WAY = "no motion in this direction was recorded"
 _LEVEL = "only its sum with a constant load is seen"

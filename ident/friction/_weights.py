@@ -12,7 +12,7 @@ from typing import final
 import numpy as np
 from jaxtyping import Float
 
-from ..core import estimate_columns, least_scale
+from ..core import estimate_columns, least_scale, rooted
 from ._equation import Equation, Recording, in_line
 from ._structures import KnotTable, Shape, Stribeck
 
@@ -20,8 +20,6 @@ _WILD = 4.0
 """Error in scales beyond which a row says nothing of the law."""
 _RIDGE = 1e-12
 """Added to scaled normal matrices that are inverted as they stand."""
-_NULL = 1e-9
-"""Share of the largest eigenvalue of the scaled normal matrix that counts as none."""
 
 
 @final
@@ -154,18 +152,6 @@ def ridged(
     scaled = matrix / (size[..., :, None] * size[..., None, :])
     np.einsum("...kk->...k", scaled)[...] += _RIDGE
     return np.asarray(np.linalg.solve(scaled, (right / size)[..., None])[..., 0] / size)
-
-
-def rooted(
-    matrix: Float[np.ndarray, "k k"],
-) -> tuple[Float[np.ndarray, "k r"], Float[np.ndarray, "k z"]]:
-    """Return R with R Rᵀ the inverse in directions that rows tell, and the other directions."""
-    size = np.sqrt(np.diag(matrix))
-    size = np.where(size > 0, size, 1.0)
-    values, vectors = np.linalg.eigh(matrix / np.outer(size, size))
-    positive = values > _NULL * max(float(values[-1]), np.finfo(float).tiny)
-    root = vectors[:, positive] / np.sqrt(values[positive]) / size[:, None]
-    return root, vectors[:, ~positive] / size[:, None]
 
 
 def orthonormal(columns: Float[np.ndarray, "s c"]) -> Float[np.ndarray, "s b"]:

@@ -17,8 +17,8 @@ import scipy.sparse as sp
 from jaxtyping import Bool, Float, Int
 from scipy.sparse.csgraph import connected_components
 
-from ..core import Readings, Stack
-from ..fit._identifiable import null_space, pins_of, pivoted
+from ..core import Readings, Stack, rooted
+from ..fit._identifiable import pins_of, pivoted
 from ..fit.joint._gauge import Rules
 from ._blocks import FRAME_NAME, ZEROS_NAME, Block
 from ._effects import SAME
@@ -258,7 +258,7 @@ class _Seen:
     def null(self, kept: Bool[np.ndarray, " m"]) -> Float[np.ndarray, "m g"]:
         """Return mixtures of some shapes that no row shows, in their `scale`."""
         unit = self.matrix / np.outer(self.scale, self.scale)
-        some = null_space(unit[np.ix_(kept, kept)])
+        _, some = rooted(unit[np.ix_(kept, kept)])
         result = np.zeros((len(kept), some.shape[1]))
         result[kept] = some
         return result

@@ -30,9 +30,10 @@ from ...core import (
     Stack,
     chain,
     node_shares,
+    rooted,
     sums_of,
 )
-from .._identifiable import null_space, pins_of
+from .._identifiable import pins_of
 from .._steps import Steps
 from ._effect import AbstractEffect, Component, Rank
 
@@ -207,7 +208,7 @@ class Design:
         """Directions that neither rows nor smoothness hold, one per column."""
         priors = (prior.straight for prior, _, _ in self.stack.priors)
         straight = np.asarray(scipy.linalg.block_diag(*priors))
-        return np.asarray(straight @ null_space(self.over(straight)))
+        return np.asarray(straight @ rooted(self.over(straight))[1])
 
     @property
     def pins(self) -> Float[np.ndarray, " n"]:

@@ -20,8 +20,9 @@ from numpy.polynomial import legendre
 from scipy.sparse.linalg import spsolve
 
 from ..._recording import JointData
-from ...core import AbstractPrior
-from .._identifiable import SINGULAR, Shapes, null_space, pivoted
+from ...core import AbstractPrior, rooted
+from ...core._regression import SINGULAR
+from .._identifiable import Shapes, pivoted
 from ._design import Design, design_of
 from ._effect import Rank
 
@@ -94,7 +95,7 @@ class Rules:
     @classmethod
     def of(cls, design: Design, ideal: Shapes) -> "Rules":
         """Return the freedoms of the sum in any data, and the rule that fixes them."""
-        null = design.spread(ideal.basis) @ null_space(ideal.matrix)
+        null = design.spread(ideal.basis) @ rooted(ideal.matrix)[1]
         for component, basis in zip(design.stated, ideal.basis, strict=True):
             prior, places = component.prior, component.places
             if prior is not None and null.shape[1]:

@@ -20,7 +20,8 @@ from jaxtyping import Float, Int
 
 from ....data.signals import last_direction
 from ...core import DriftNoise, Spread, find_drift, scatter_of_sums
-from .._identifiable import SINGULAR, pivoted
+from ...core._regression import SINGULAR
+from .._identifiable import pivoted
 from .._result import doubt_of_means
 from ._effect import Rank
 
