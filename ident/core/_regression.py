@@ -14,10 +14,10 @@ Biometrika 58(3), 1971.
 """
 
 import dataclasses
-from functools import cached_property
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+import scipy.sparse as sp
+from jaxtyping import Bool, Float
 from scipy.linalg import get_lapack_funcs
 from scipy.optimize import minimize
 
@@ -75,36 +75,24 @@ class DriftNoise:
     likely: tuple[tuple[float, float, float], ...] = ()
 
 
-@dataclasses.dataclass(frozen=True)
-class _Chain:
-    """Instants at which the drift lives, and which reading belongs to which."""
-
-    gaps: Float[np.ndarray, " g"]
-    index: Int[np.ndarray, " t"]
-
-    @cached_property
-    def size(self) -> int:
-        return len(self.gaps) + 1
-
-    def precision(
-        self, time_constant: float
-    ) -> tuple[Float[np.ndarray, " u"], Float[np.ndarray, " g"], float]:
-        """Return diagonal, side diagonal and log-det of the precision of a drift of variance 1."""
-        innovation = -np.expm1(-2.0 * self.gaps / time_constant)
-        correlation = np.exp(-self.gaps / time_constant)
-        diagonal = np.append(1.0, 1.0 / innovation)
-        diagonal[:-1] += correlation**2 / innovation
-        return diagonal, -correlation / innovation, -float(np.log(innovation).sum())
-
-    def gather(self, columns: Float[np.ndarray, "t k"]) -> Float[np.ndarray, "u k"]:
-        """Return the sums of the readings at each instant."""
-        sums = [np.bincount(self.index, column, self.size) for column in columns.T]
-        return np.reshape(sums, (-1, self.size)).T
-
-
-def _chain(time: Float[np.ndarray, " t"]) -> _Chain:
+def _instants(
+    time: Float[np.ndarray, " t"],
+) -> tuple[Float[np.ndarray, " g"], sp.csr_array]:
+    """Return the gaps between the instants at which the drift lives, and the readings of each."""
     instants, index = np.unique(time, return_inverse=True)
-    return _Chain(np.diff(instants), index.reshape(-1))
+    entries = np.ones(len(time)), (index.reshape(-1), np.arange(len(time)))
+    return np.diff(instants), sp.csr_array(entries, (len(instants), len(time)))
+
+
+def _precision(
+    gaps: Float[np.ndarray, " g"], time_constant: float
+) -> tuple[Float[np.ndarray, " u"], Float[np.ndarray, " g"], float]:
+    """Return diagonal, side diagonal and log-det of the precision of a drift of variance 1."""
+    innovation = -np.expm1(-2.0 * gaps / time_constant)
+    correlation = np.exp(-gaps / time_constant)
+    diagonal = np.append(1.0, 1.0 / innovation)
+    diagonal[:-1] += correlation**2 / innovation
+    return diagonal, -correlation / innovation, -float(np.log(innovation).sum())
 
 
 def find_drift(
@@ -124,12 +112,12 @@ def find_drift(
     free = len(time) - columns.shape[1]
     square = float(residual @ residual)
     white_only = DriftNoise(float(np.sqrt(square / max(free, 1))))
-    chain = _chain(time)
-    if free < _FEW or chain.size < _FEW or not square > 0:
+    gaps, at_instants = _instants(time)
+    counts = at_instants.sum(axis=1)
+    if free < _FEW or len(counts) < _FEW or not square > 0:
         return white_only
     right = np.column_stack([columns, residual])
-    gram, gathered = right.T @ right, chain.gather(right)
-    counts = np.bincount(chain.index)
+    gram, gathered = right.T @ right, np.asfortranarray(at_instants @ right)
 
     def deviance(sums: Float[np.ndarray, "m m"], spread: float) -> tuple[float, float]:
         """Return minus twice the log-likelihood, and the variance of a reading.
@@ -147,17 +135,16 @@ def find_drift(
 
     def cost(parameters: Float[np.ndarray, " 2"]) -> tuple[float, float]:
         ratio, time_constant = np.exp(parameters)
-        diagonal, side, logdet = chain.precision(float(time_constant))
+        diagonal, side, logdet = _precision(gaps, float(time_constant))
         pivots, factor, failed = dpttrf(diagonal / ratio + counts, side / ratio)
         if failed:
             return np.inf, np.nan
         sums = gram - gathered.T @ dpttrs(pivots, factor, gathered)[0]
         spread = float(np.log(pivots).sum()) - logdet
-        return deviance(sums, spread + chain.size * float(np.log(ratio)))
+        return deviance(sums, spread + len(counts) * float(np.log(ratio)))
 
     independent, _ = deviance(gram, 0.0)
-    span = float(chain.gaps.sum())
-    low, high = np.log(float(np.median(chain.gaps))), np.log(span)
+    low, high = np.log(float(np.median(gaps))), np.log(float(gaps.sum()))
     # A drift longer than the log cannot be separated from a level, which the columns hold.
     points = [
         (np.log(ratio), tau)
@@ -197,11 +184,11 @@ def scatter_of_sums(
     parts = noise.likely or ((noise.white**2, noise.drift**2, noise.time_constant),)
     result = sum(part[0] for part in parts) * (columns.T @ columns)
     if any(part[1] for part in parts):
-        chain = _chain(time)
-        sums = chain.gather(columns)
+        gaps, at_instants = _instants(time)
+        sums = at_instants @ columns
         total = np.zeros_like(sums)
         for _, variance, time_constant in parts:
-            diagonal, side, _ = chain.precision(time_constant)
+            diagonal, side, _ = _precision(gaps, time_constant)
             total += variance * dpttrs(*dpttrf(diagonal, side)[:2], sums)[0]
         result = result + sums.T @ total
     return np.asarray(result)
