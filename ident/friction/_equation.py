@@ -235,8 +235,6 @@ class Equation:
 
     def columns(self, shape: Shape) -> Float[np.ndarray, "s k"]:
         """Return the columns of all linear factors."""
-        if not len(shape):
-            return self.unbent
         last = self.falling(shape)[:, :, :1]
         both = np.concatenate([self.steady, last], axis=2)
         return np.hstack([self.beside, in_line(both)])

@@ -8,7 +8,7 @@ from typing import final
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ...data.signals import median
+from ...data.signals import NORMAL, median
 from ...models import AbstractFriction
 from ..core import rooted
 from ._equation import Equation
@@ -102,9 +102,8 @@ class FrictionFit:
         """Robust standard deviation of the residual."""
         residual, unknowns = self.residual, len(self.state) + len(self.shape)
         freedom = max(len(residual) - unknowns, 1)
-        # 1.4826 makes the median of magnitudes the standard deviation of Gaussian noise.
         inflation = float(np.sqrt(len(residual) / freedom))
-        return 1.4826 * median(np.abs(residual)) * inflation
+        return NORMAL * median(np.abs(residual)) * inflation
 
     @property
     def relative_error(self) -> float:

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.optimize import least_squares
 
-from ...data.signals import median
+from ...data.signals import NORMAL, median
 from ..core import FitError, one_blas_thread
 from ._equation import Equation, Recording, record
 from ._samples import DriveSamples, Trace
@@ -309,7 +309,7 @@ def _fitted(search: _Search, reversals: int, delay: int) -> tuple[ReversalFit, f
     error = search.solve(*cycles, place, use)[1]
     loads = search.recording.target[use], error
     level, typical = (median(np.abs(values)) for values in loads)
-    good = np.abs(error) <= max(_WILD * 1.4826 * typical, _SMALL * level)
+    good = np.abs(error) <= max(_WILD * NORMAL * typical, _SMALL * level)
     if good.mean() >= 0.5:
         keep[use[~good]] = False
         use = use[good]

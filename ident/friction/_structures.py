@@ -319,9 +319,7 @@ class Laws:
 
     def friction(self, velocity: Trace) -> Float[np.ndarray, "t n"]:
         """Return the friction of each at velocities in mm/s, in drive units."""
-        # Without a shape all have the same columns.
-        shapes = self.shapes if self.structure.shapes else self.shapes[:1]
-        columns = self.structure.columns(velocity, shapes)
+        columns = self.structure.columns(velocity, self.shapes)
         return np.asarray((columns @ self.factors[:, :, None])[:, :, 0].T)
 
 

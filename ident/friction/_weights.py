@@ -95,7 +95,7 @@ class View:
     """How the rows of an equation are seen: weighted, and through a noise-free motion."""
 
     def __init__(self, equation: Equation, weights: Weights, shape: Shape) -> None:
-        self.equation, self.weights = equation, weights
+        self.equation = equation
         self.root, self._basis = np.sqrt(weights.share)[:, None], None
         free = equation.recording.noise_free
         if free is not None:
@@ -114,8 +114,6 @@ class View:
     def rows(self, columns: Float[np.ndarray, "s k"]) -> Rows:
         """Return weighted rows of columns."""
         target = self.equation.recording.target
-        if self._basis is None:  # the roots make the weights again
-            return Rows(self.weights.share[:, None] * columns, columns, target)
         return Rows(self.root * self.weighted(columns), columns, target)
 
 

@@ -9,6 +9,7 @@ from typing import final
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from ....data.signals import NORMAL
 from ..._recording import JointData
 from ...core import (
     Estimate,
@@ -280,7 +281,7 @@ def _start(
     least = least_scale(design.error)
     scale = max(float(np.median(np.abs(sizes), axis=1).min()), least)
     # Minus log likelihood of Student's t: wild readings count alike for all lags.
-    costs = 2.5 * np.log1p(np.square(sizes / (1.4826 * scale)) / 4.0).sum(axis=1)
+    costs = 2.5 * np.log1p(np.square(sizes / (NORMAL * scale)) / 4.0).sum(axis=1)
     best = int(np.argmin(costs))
     return trials[best if costs[0] - costs[best] > WORTH else 0]
 
