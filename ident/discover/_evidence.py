@@ -13,12 +13,10 @@ from typing import final
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.linalg import cho_factor, cho_solve, get_lapack_funcs
 
 from ...data.signals import NORMAL
-from ..core import choose_loss
+from ..core import ArrowFactor, choose_loss
 
-(_INVERSE,) = get_lapack_funcs(["potri"], dtype=np.float64)
 _OUTER = 0.95
 """Quantile of the readings that is their scale before anything is known of them."""
 _STEPS = 40
@@ -101,7 +99,7 @@ class Groups:
             index, owner = result.present
             if not index.size:
                 return dataclasses.replace(result, noise=float(np.sqrt(square / count)))
-            inverse = np.diag(_INVERSE(result._factor[0], lower=True)[0])
+            inverse = np.diag(result._factor.border_inverse)
             used = 1.0 - result.noise**2 * inverse / result.variance[owner]
             freedom, part = np.bincount(owner, used, groups), result.values
             square_of = np.bincount(owner, part[index] ** 2, groups)
@@ -122,20 +120,20 @@ class Groups:
         return result
 
     @cached_property
-    def _factor(self) -> tuple[Float[np.ndarray, "k k"], bool]:
+    def _factor(self) -> ArrowFactor:
         """Factor of the matrix of the groups that are present."""
         index, owner = self.present
         matrix = self.gram[np.ix_(index, index)]
         matrix[np.diag_indices(len(index))] += self.noise**2 / self.variance[owner]
-        lower: tuple[Float[np.ndarray, "k k"], bool] = cho_factor(matrix, lower=True)
-        return lower
+        factor = ArrowFactor.of(np.zeros((0, 1)), np.zeros((len(index), 0)), matrix)
+        assert factor is not None  # the variances hold every column
+        return factor
 
     @cached_property
     def values(self) -> Float[np.ndarray, " p"]:
         """Coefficients; 0 where a group is absent."""
         result, (index, _) = np.zeros(len(self.gram) - 1), self.present
-        if index.size:
-            result[index] = cho_solve(self._factor, self.gram[index, -1])
+        result[index] = self._factor.solve(self.gram[index, -1])
         return result
 
     @cached_property
@@ -146,22 +144,18 @@ class Groups:
     @property
     def evidence(self) -> float:
         """Logarithm of the marginal likelihood, up to a constant."""
-        index, owner = self.present
+        ratio = self.variance[self.present[1]] / self.noise**2
         result = self.weight * np.log(self.noise**2) + self.left / self.noise**2
-        if index.size:
-            ratio = self.variance[owner] / self.noise**2
-            result += np.sum(np.log(np.diag(self._factor[0]) ** 2 * ratio))
+        result += self._factor.logdet + np.sum(np.log(ratio))
         return float(-0.5 * result)
 
     def reduced(self, keep: slice) -> Float[np.ndarray, "k k"]:
         """Return the products of some columns and the error, all present groups taken out."""
         index, _ = self.present
         rows = np.r_[keep, len(self.gram) - 1]
-        result = self.gram[np.ix_(rows, rows)]
-        if index.size:
-            cross = self.gram[np.ix_(index, rows)]
-            result = result - cross.T @ cho_solve(self._factor, cross)
-        return np.asarray(result)
+        cross = self.gram[np.ix_(index, rows)]
+        taken = cross.T @ self._factor.solve(cross)
+        return np.asarray(self.gram[np.ix_(rows, rows)] - taken)
 
     def gain(self, groups: Sequence[int]) -> float:
         """Return what groups take of the penalised sum of squares, less what noise gives."""
