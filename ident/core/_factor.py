@@ -77,9 +77,7 @@ class ArrowFactor:
     @cached_property
     def logdet(self) -> float:
         """Natural logarithm of the determinant of the matrix."""
-        logs = np.log(self.schur.diagonal()).sum()
-        if len(self.band):
-            logs += np.log(self.band[:, 0]).sum()
+        logs = np.log(self.schur.diagonal()).sum() + np.log(self.band[:, 0]).sum()
         return 2.0 * float(logs)
 
     def solve(self, right: Float[np.ndarray, "n *k"]) -> Float[np.ndarray, "n *k"]:

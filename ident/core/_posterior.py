@@ -193,7 +193,7 @@ class Posterior:
     @cached_property
     def total(self) -> float:
         """Residual square plus penalty."""
-        penalty = float(self.weights @ self.penalties) if len(self.weights) else 0.0
+        penalty = float(self.weights @ self.penalties)
         # Readings without any scatter are fitted exactly: the log must not blow up.
         return max(self.residual_square + penalty, 1e-300)
 
@@ -267,8 +267,6 @@ class Posterior:
     def inverse_diagonal(self) -> Vector:
         """Variance of every unknown per variance of one reading."""
         border = np.diag(self.factor.border_inverse)
-        if not self.problem.stack.band:
-            return border
         return np.concatenate([self._selected[0][:, 0], border])
 
     def covariance(self, offsets: Sequence[int]) -> sp.csr_array:

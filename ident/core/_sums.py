@@ -109,8 +109,6 @@ class Sums:
     @property
     def matrix(self) -> sp.csr_array:
         """$A^T W A$ of all unknowns, both triangles."""
-        if not self.stack.band:
-            return sp.csr_array(self.border)
         rows: Any = [[self.band_matrix, self.cross.T], [self.cross, self.border]]
         return sp.csr_array(sp.block_array(rows))
 

@@ -97,8 +97,6 @@ class Groups:
         result, groups, rms = self, len(self.slices), np.zeros(len(self.slices))
         for step in range(_STEPS):
             index, owner = result.present
-            if not index.size:
-                return dataclasses.replace(result, noise=float(np.sqrt(square / count)))
             inverse = np.diag(result._factor.border_inverse)
             used = 1.0 - result.noise**2 * inverse / result.variance[owner]
             freedom, part = np.bincount(owner, used, groups), result.values

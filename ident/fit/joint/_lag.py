@@ -210,9 +210,7 @@ def sensed_variances(
     the lag. Columns are those of the fitted lags, ``theta`` all unknowns.
     """
     lags = {sensor: lag.value for sensor, lag in fitted.items() if lag.value > 0.0}
-    if not lags:
-        return {}
-    data, rng, result = design.data, np.random.default_rng(0), {}
+    data, rng, result = design.data, np.random.default_rng(0), dict[str, float]()
     for sensor, lag in lags.items():
         warmth = data.temperature[sensor]
         sensed = clocked(np.asarray(data.time, float), warmth)

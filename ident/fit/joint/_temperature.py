@@ -178,7 +178,12 @@ class Temperature(AbstractEffect):
                     msg = f"{self.name}: sensor {sensor} has no readings."
                     raise FitError(msg)
                 count: Any = _COUNTS[nodes] if isinstance(nodes, str) else nodes
-                nodes = _spread(float(values.min()), float(values.max()), count)
+                low, high = float(values.min()), float(values.max())
+                if not high > low:
+                    # It never changed: the nodes exist, but nothing tells them apart.
+                    low, high = low - 0.5, high + 0.5
+                middle = np.array([0.5 * (low + high)])
+                nodes = np.linspace(low, high, count) if count > 1 else middle
             law[name] = nodes
         return dataclasses.replace(self, law=law)
 
@@ -287,12 +292,3 @@ class Temperature(AbstractEffect):
         nodes = self.nodes
         ends = np.cumsum([len(places) for places in nodes.values()])
         return dict(zip(nodes, np.split(values, ends[:-1]), strict=True))
-
-
-def _spread(low: float, high: float, count: int) -> Float[np.ndarray, " _n"]:
-    if count == 1:
-        return np.array([0.5 * (low + high)])
-    if not high > low:
-        # A temperature that never changed: the nodes exist, but nothing tells them apart.
-        low, high = low - 0.5, high + 0.5
-    return np.linspace(low, high, count)
