@@ -126,9 +126,9 @@ class FrictionFit:
         )
 
     @cached_property
-    def _rooted(self) -> tuple[Float[np.ndarray, "m r"], Float[np.ndarray, "m z"]]:
-        """Root of the inverse of the precision, and directions that the rows do not tell."""
-        return rooted(self.normal + self.prior)
+    def _root(self) -> Float[np.ndarray, "m r"]:
+        """Root of the inverse of the precision, of the directions that the rows tell."""
+        return rooted(self.normal + self.prior)[0]
 
     @cached_property
     def state_covariance(self) -> Float[np.ndarray, "m m"]:
@@ -141,7 +141,7 @@ class FrictionFit:
         if self.given is not None:
             return self.given
         rows, normal, prior = self.rows.left, self.normal, self.prior
-        inverse = self._rooted[0] @ self._rooted[0].T
+        inverse = self._root @ self._root.T
         leverage = np.einsum("sk,sk->s", rows @ inverse, self.rows.right)
         inflated = self.error / np.clip(1.0 - leverage, 1.0 - _LARGEST_LEVERAGE, 1.0)
         freedom = max(self.count - len(inverse), 1)
@@ -193,7 +193,7 @@ class FrictionFit:
             return np.zeros_like(self.normal)
         free = self.equation.under(Stribeck(self.structure.directional))
         column = free.slopes(np.append(self.shape, np.log(GAUSS)), self.state)[:, -1]
-        root = self._rooted[0]
+        root = self._root
         follow = -root @ (root.T @ (self.rows.left.T @ column))
         seen = self.share * (column + self.rows.right @ follow)
         scores = (seen * self.error)[:, None]
@@ -237,13 +237,10 @@ class FrictionFit:
             if deviation > _VAGUE * equation.recording.load_size
         }
         size = np.where(size > 0, size, 1.0)
-        hidden = np.zeros(len(self.names), bool)
-        # Where rows tell factors and shape, they tell the factors.
-        if self._rooted[1].size:
-            _, null = rooted((self.normal + self.prior)[:count, :count])
-            null = null / np.abs(null * size[:count, None]).max(axis=0)
-            reach = np.abs(self._jacobian[:, :count] @ null).max(axis=1, initial=0.0)
-            hidden = reach > _IN_NULL * np.abs(self._jacobian / size).max(axis=1)
+        _, null = rooted((self.normal + self.prior)[:count, :count])
+        null = null / np.abs(null * size[:count, None]).max(axis=0)
+        reach = np.abs(self._jacobian[:, :count] @ null).max(axis=1, initial=0.0)
+        hidden = reach > _IN_NULL * np.abs(self._jacobian / size).max(axis=1)
         reasons = dict(self.missing)
         for name, unknown in zip(self.names, hidden, strict=True):
             if name in reasons:

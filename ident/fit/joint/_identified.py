@@ -62,8 +62,6 @@ class Identified:
     def variances(self, post: Posterior) -> Float[np.ndarray, " n"]:
         """Return the variance of each unknown under the rules, per variance of one reading."""
         plain, rules = post.inverse_diagonal, self.rules
-        if not rules.null.shape[1]:
-            return plain
         spread = post.factor.solve(np.ascontiguousarray(rules.gain.T))
         inner = rules.gain @ spread
         result = plain - 2.0 * (spread * rules.null).sum(axis=1)
