@@ -23,6 +23,7 @@ from ..core import (
     leave_one_out,
     sums_of,
 )
+from ..core._readings import Vector
 from ._types import RunEffect, Samples, TableFit
 
 _NOTHING, _HOPELESS = 1e-12, 1e3
@@ -47,8 +48,6 @@ ALIKE = (
     "Readings of a run that follow each other err alike (heat, air): the standard deviations "
     "are no smaller than those of the mean of the runs."
 )
-
-Vector = Float[np.ndarray, " _n"]
 
 
 @dataclasses.dataclass(frozen=True)

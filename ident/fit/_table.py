@@ -56,6 +56,7 @@ _LOUD = 3.0
 """A run with this many times the scatter of the median run is named."""
 
 
+@one_blas_thread()
 def fit_table(
     layout: TableEffect,
     samples: Samples,
@@ -89,29 +90,27 @@ def fit_table(
     extent = Extent.of(layout, samples)
     fit_to = _InMemory(layout, samples, smoothness, run_effects, allow_gaps)
     extent.check(layout, fit_to.stack(()).free, allow_gaps)
-    with one_blas_thread():
-        fit = fit_to(loss, ())
-        far = far_runs(fit.runs) if loss != "gauss" else ()
-        if far:
-            # A run that contradicts the others must not pull their mean.
-            fit = fit_to(loss, far)
-        off = fit.wild
-        if loss == "student" and not _too_many(off, fit, samples):
-            off = off | fit_to.steps.off_the_most(fit.residual)[0]
-            if off.any():
-                off = off & (runs_apart(fit, samples, fit_to.nearest)[0] == 0.0)
-        divided = loss == "student" and _too_many(off, fit, samples)
-        if divided:
-            words = none_left_out(float(off.mean()))
-            fit = fit_to("huber", far)
-            fit = dataclasses.replace(fit, message=f"{fit.message} {words}")
+    fit = fit_to(loss, ())
+    far = far_runs(fit.runs) if loss != "gauss" else ()
+    if far:
+        # A run that contradicts the others must not pull their mean.
+        fit = fit_to(loss, far)
+    off = fit.wild
+    if loss == "student" and not _too_many(off, fit, samples):
+        off = off | fit_to.steps.off_the_most(fit.residual)[0]
+        if off.any():
+            off = off & (runs_apart(fit, samples, fit_to.nearest)[0] == 0.0)
+    divided = loss == "student" and _too_many(off, fit, samples)
+    if divided:
+        words = none_left_out(float(off.mean()))
+        fit = fit_to("huber", far)
+        fit = dataclasses.replace(fit, message=f"{fit.message} {words}")
     # Where the user sets the smoothness, or readings are held out, nothing is to be judged.
     judged = isinstance(smoothness, str) and not allow_gaps
     fit = judge_once(fit, samples) if judged else fit
     if not (divided or fit.wild.any()) and samples.run is None:
         return fit
-    with one_blas_thread():
-        node = fit_to.nearest
+    node = fit_to.nearest
     curves = doubt_of_curves(fit, samples, node)
     if curves.any():
         fit = dataclasses.replace(fit, message=f"{fit.message} {ALIKE}")

@@ -18,6 +18,7 @@ from scipy.special import comb
 
 from ..._recording import clocked, lagged
 from ...core import Estimate, FitError, Loss, Posterior, Readings, sums_of
+from ...core._readings import Vector
 from ._design import Design
 
 _GRID, _SWEEPS, _FINE = 14, 3, 1e-4
@@ -34,8 +35,6 @@ of a temperature in K for what it moves."""
 _RIDGE = 1e-9
 _SEEN = 1e-9
 """Least share of a lag's effect that counts as its own beside all other unknowns."""
-
-Vector = Float[np.ndarray, " _n"]
 
 
 @final
