@@ -180,10 +180,10 @@ class TableEffect(AbstractEffect):
             first, second = (chain(nodes) for nodes in self.nodes)
             order = np.arange(first.size * second.size)
             if first.size <= second.size:
-                return Smooth(second, first, 1, order, (2, 1))
-            return Smooth(first, second, 1, order, (1, 2))
+                return Smooth((second, first), 1, order, (2, 1))
+            return Smooth((first, second), 1, order, (1, 2))
         axis = chain(self.nodes[0], self.periodic)
-        return Smooth(axis, None, self.branches, self.unknowns)
+        return Smooth((axis,), self.branches, self.unknowns)
 
     def design(self, readings: Readings) -> Design:
         columns = [readings.inputs[name] for name in self.inputs]

@@ -312,60 +312,56 @@ class Smooth(AbstractPrior):
     place of that grid.
 
     Attributes:
-        slow: Along the first axis.
-        fast: Along the second one; None for a table of one axis.
+        chains: Along each axis, one or two.
         branches: Tables side by side (directions of motion), each smooth by itself.
         order: Unknown at each place of the (branch, slow, fast) grid, flattened.
-        axes: Numbers of both axes in the names of the weights, from 1.
+        axes: Numbers of the axes in the names of the weights, from 1.
     """
 
-    slow: Chain
-    fast: Chain | None
+    chains: tuple[Chain, ...]
     branches: int
     order: Int[np.ndarray, " n"]
-    axes: tuple[int, int] = (1, 2)
+    axes: tuple[int, ...] = (1, 2)
 
     @cached_property
     def rows(self) -> tuple[sp.csr_array, ...]:
-        width = 1 if self.fast is None else self.fast.size
-        left, right = sp.eye_array(self.branches), sp.eye_array(width)
-        blocks = [sp.kron(left, sp.kron(rows, right)) for rows in self.slow.rows]
-        if self.fast is not None:
-            along = sp.eye_array(self.slow.size)
-            blocks += [sp.kron(along, rows) for rows in self.fast.rows]
         # From places of the grid to the unknowns that stand there.
         unit = sp.csr_array(sp.eye_array(len(self.order)))[self.order]
+        blocks, outer = [], self.branches
+        for chain in self.chains:
+            inner = len(self.order) // (outer * chain.size)
+            left, right = sp.eye_array(outer), sp.eye_array(inner)
+            blocks += [sp.kron(left, sp.kron(rows, right)) for rows in chain.rows]
+            outer *= chain.size
         return tuple(sp.csr_array(block @ unit) for block in blocks)
 
     def logdet(self, weights: Vector) -> float:
-        if self.fast is None:
-            return self.branches * self.slow.logdet(weights)
-        across = self.fast.eigenvalues(*weights[2:].tolist())
-        if self.slow.size <= _LONG:
-            grid = self.slow.eigenvalues(*weights[:2].tolist())[:, None] + across
+        if len(self.chains) == 1:
+            return self.branches * self.chains[0].logdet(weights)
+        slow, fast = self.chains
+        across = fast.eigenvalues(*weights[2:].tolist())
+        if slow.size <= _LONG:
+            grid = slow.eigenvalues(*weights[:2].tolist())[:, None] + across
             return float(np.log(grid[grid > 0.0]).sum())
-        return sum(self.slow.logdet(weights[:2], value) for value in across)
+        return sum(slow.logdet(weights[:2], value) for value in across)
 
     @property
     def bounds(self) -> Float[np.ndarray, "k 2"]:
-        axes = [self.slow] if self.fast is None else [self.slow, self.fast]
-        return np.concatenate([axis.bounds for axis in axes])
+        return np.concatenate([chain.bounds for chain in self.chains])
 
     @property
     def optional(self) -> Bool[np.ndarray, " k"]:
-        return np.resize([False, True], 2 if self.fast is None else 4)
+        return np.resize([False, True], 2 * len(self.chains))
 
     @property
     def names(self) -> tuple[str, ...]:
-        axes = self.axes[:1] if self.fast is None else self.axes
+        axes = self.axes[: len(self.chains)]
         return tuple(f"order {n}, axis {axis}" for axis in axes for n in (2, 4))
 
     @property
     def straight(self) -> Float[np.ndarray, "n z"]:
-        if self.fast is None:
-            grid = np.kron(np.eye(self.branches), self.slow.straight)
-        else:
-            grid = np.kron(self.slow.straight, self.fast.straight)
+        parts = [np.eye(self.branches), *(chain.straight for chain in self.chains)]
+        grid = functools.reduce(np.kron, parts)
         result = np.zeros(grid.shape)
         result[self.order] = grid
         return result

@@ -173,9 +173,8 @@ def machine_blocks(model: GeometricErrors, most: Sequence[int]) -> Iterator[Bloc
     touched, first, column = Touched(model), 0, 0
     for axis, names in enumerate(FUNCTIONS):
         nodes = model.nodes[axis]
-        prior = Smooth(
-            chain(np.asarray(nodes.positions)), None, 1, np.arange(nodes.count)
-        )
+        line = chain(np.asarray(nodes.positions))
+        prior = Smooth((line,), 1, np.arange(nodes.count))
         basis = polynomials(nodes, most[axis])
         degree = np.arange(basis.shape[1])
         labels = tuple(("offset", "slope", "curve")[min(k, 2)] for k in degree.tolist())

@@ -303,7 +303,7 @@ def _nuisance(
     prior: Smooth | Independent | None = course.walk if rank == Rank.WANDER else None
     if rank == Rank.RUNS and course.pieces > 1:
         line = chain(np.linspace(0.0, 1.0, course.pieces + 1))
-        prior = Smooth(line, None, len(course.runs), np.arange(len(places)))
+        prior = Smooth((line,), len(course.runs), np.arange(len(places)))
     name = f"{rank.name.lower()} of {axis}"
     level, reference = "the run effects sum up to zero", None
     if rank == Rank.RUNS and course.counted:
