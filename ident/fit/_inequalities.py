@@ -117,12 +117,11 @@ class Inequalities:
         values = table.to_values(fit.values)
         entries = self.start + self.sign * (fit.values - self.zero @ values)
         count, size = len(table.place), len(post.values)
-        nodes = (np.ones(count), (np.arange(count), table.place))
         zero = sp.csr_array(np.pad(self.zero, (0, size - table.size))[None])
         common = sp.csr_array(np.ones((count, 1))) @ zero
         move = most_probable(
             self.words, entries, fit.layout.nodes,
-            self.sign * (sp.csr_array(nodes, (count, size)) - common),
+            self.sign * (sp.csr_array(sp.eye_array(size))[table.place] - common),
             post.problem.precision(post.weights),
         )  # fmt: skip
         change = table.to_table(move[: table.size])

@@ -160,13 +160,11 @@ def lagging(design: Design, lags: Mapping[str, float]) -> Design:
     """Return a design with other lags by sensor: only the columns of temperatures change."""
     effects = tuple(effect.lagging(lags) for effect in design.effects)
     blocks = [effect.block(design.data) for effect in effects if effect.sensor_names]
-    heated: Any = sp.hstack([block.columns[design.rows] for block in blocks])
-    places, others = _heated_places(design), np.ones(design.size)
-    others[places] = 0.0
-    ones = np.ones(len(places)), (np.arange(len(places)), places)
-    scatter = sp.csr_array(ones, shape=(len(places), design.size))
-    columns = sp.csr_array(design.columns @ sp.diags_array(others) + heated @ scatter)
-    columns.eliminate_zeros()
+    places, order = _heated_places(design), np.arange(design.size)
+    order[places] = design.size + np.arange(len(places))
+    heated = [block.columns[design.rows] for block in blocks]
+    both: Any = sp.hstack([design.columns, *heated], format="csc")
+    columns = sp.csr_array(both[:, order])
     return dataclasses.replace(design, effects=effects, columns=columns)
 
 
