@@ -355,8 +355,8 @@ class TableDraft(AbstractDraft):
         over, table, first = self.fit.over, self.plan.table, self.readings
         limits = [self.job.spec.axes[name].limits or (-np.inf, np.inf) for name in over]
         ends = [
-            np.clip(line.positions[[0, -1]], *own)
-            for line, own in zip(table.nodes, limits, strict=True)
+            np.clip(line.positions[[0, -1]], low, high)
+            for line, (low, high) in zip(table.nodes, limits, strict=True)
         ]
         # What was read neither time, nobody has verified either.
         whole = np.vstack([first.positions, np.column_stack(ends)])

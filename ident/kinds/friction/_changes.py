@@ -52,7 +52,7 @@ def changes(
     rows = rows[(rows + late >= 0) & (rows + late < len(samples.time))]
     rows = rows[:: -(-len(rows) // _LOOKED_AT)]
     speed, time = samples.velocity[rows], np.arange(1, len(rows) + 1) / len(rows)
-    law, low, travel = friction(speed), 0.0, 0.0
+    law, low, travel, place = friction(speed), 0.0, 0.0, np.zeros(len(rows))
     size = float(np.sqrt(np.mean(law**2))) or 1.0
     law = law / size  # all loads are in shares of the friction
     columns = [law * time, *(np.ceil(3.0 * time) == k for k in (1, 2, 3))]
