@@ -4,7 +4,7 @@ import contextlib
 import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, final
+from typing import Any, Protocol, final, runtime_checkable
 
 import equinox as eqx
 import jax
@@ -225,6 +225,13 @@ class Scaled(eqx.Module):
         return ~jnp.any(inward & (low < high))
 
 
+@runtime_checkable
+class _Column(Protocol):
+    """What NumPy can read: its arrays and numbers, columns of pandas, polars or pyarrow."""
+
+    def __array__(self) -> np.ndarray: ...
+
+
 def as_float(value: Any) -> Any:
     """Return numbers as an array of 64-bit floats, integers of arrays as they are."""
     if isinstance(value, Array):
@@ -232,7 +239,7 @@ def as_float(value: Any) -> Any:
         return value.astype(jnp.float64) if wide else value
     if np.ma.is_masked(value):
         value = np.ma.filled(np.ma.asarray(value).astype(float), np.nan)
-    if isinstance(value, np.ndarray | np.generic | int | float | Sequence):
+    if isinstance(value, int | float | Sequence | _Column):
         return jnp.asarray(value, jnp.float64)
     return value
 

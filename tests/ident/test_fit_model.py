@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
+import pyarrow as pa
 import pytest
 from jaxtyping import Array, Float
 
@@ -68,6 +69,16 @@ def test_both_solvers_end_at_the_same_optimum(bounds: Any) -> None:
             next(name for name, each in BOUNDS.items() if each is bounds)
         ]
     )
+
+
+def test_columns_of_a_table_are_arrays() -> None:
+    time, readings = pa.array(TIME), pa.array(np.asarray(READINGS))
+    found = axcomp.fit_model(GUESS, Decay.__call__, time, readings)
+    assert found.model.rate == decay().model.rate
+    named = axcomp.fit_model(
+        GUESS, lambda model, given: model(given["t"]), {"t": time}, readings
+    )
+    assert named.model.rate == found.model.rate
 
 
 def test_limits_may_be_shaped_like_the_model() -> None:
