@@ -18,6 +18,8 @@ _LATE, _SHIFTS, _BETTER, _STRETCH = 0.05, 20, 0.95, 30_000
 """Seconds by which a current may be late or early, how many are tried each way, and what it must
 leave of the variance of how many readings: behind each reversal all friction is missing, and
 twice."""
+_OTHER, _ONE_HALF, _FEW = 0.1, 0.7, 20
+"""Share of an inertia by which another one shows, the correlation that shows it, and windows."""
 _ONE_SINE = 0.99
 """Correlation of acceleration and position from which on one stands for the other."""
 _SURE = 3.0
@@ -32,6 +34,8 @@ def changes(
     friction: Callable[[Float[np.ndarray, " t"]], Float[np.ndarray, " t"]],
     inertia: float,
     unit: str,
+    *,
+    stated: bool = False,
 ) -> Iterator[Remark]:
     """Yield what the current of a recording does beside the law that was found.
 
@@ -44,6 +48,7 @@ def changes(
         friction: The law: current over velocity.
         inertia: In units of the current per mm/s² or °/s².
         unit: Of the current.
+        stated: The inertia is that of the job, and not fitted.
     """
     late = _late(samples, friction, inertia)
     way = np.sign(samples.velocity) * samples.in_motion
@@ -71,10 +76,16 @@ def changes(
     if samples.acceleration is not None:
         # Not as a column: a noisy acceleration shows too small an inertia, and the place, which
         # goes with it where an axis goes to and fro, would take the rest.
-        push = samples.acceleration[rows]
-        current = current - inertia * push
         window = max(round(_LATE / samples.cycle), 1)
         quiet = uniform_filter1d(samples.acceleration, window)[rows]
+        other = _other_inertia(samples, friction, inertia, window) if stated else 0.0
+        if other:
+            yield Remark.warning(
+                f"The recording shows an inertia of about {inertia + other:.3g} {unit} per"
+                f" {samples.unit}/s², where the job states {inertia:.3g}: what it does not"
+                " explain is taken for friction. Leave inertia out, or correct it."
+            )
+        current = current - (inertia + other) * samples.acceleration[rows]
         if travel > 0.0 and -np.corrcoef(quiet, place)[0, 1] > _ONE_SINE:
             yield Remark.info(
                 "The axis went to and fro as a single sine, whose acceleration goes with the"
@@ -130,6 +141,26 @@ def changes(
             " a workpiece, a clamp or a counterweight does: that is no friction, and the"
             " law holds a part of it. Record with one load."
         )
+
+
+def _other_inertia(
+    samples: DriveSamples,
+    friction: Callable[[Float[np.ndarray, " t"]], Float[np.ndarray, " t"]],
+    inertia: float,
+    window: int,
+) -> float:
+    """Return what means over so many samples show of an inertia beside the known one, or 0."""
+    assert samples.acceleration is not None
+    rest = samples.current - friction(samples.velocity) - inertia * samples.acceleration
+    whole = uniform_filter1d(samples.in_motion.astype(float), window) > 0.999
+    push, rest = (
+        uniform_filter1d(x, window)[whole] for x in (samples.acceleration, rest)
+    )
+    if len(push) < _FEW * window:
+        return 0.0
+    slope = float(np.cov(push, rest)[0, 1] / max(np.var(push, ddof=1), 1e-300))
+    sure = abs(np.corrcoef(push, rest)[0, 1]) > _ONE_HALF
+    return slope if sure and abs(slope) > _OTHER * abs(inertia) else 0.0
 
 
 def _late(

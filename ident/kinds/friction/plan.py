@@ -219,7 +219,9 @@ class FrictionDraft(AbstractDraft):
             )
         if fit.has_law:
             samples, unit = self.recording.samples, self.recording.unit
-            yield from changes(samples, fit.friction, inertia, unit)
+            yield from changes(
+                samples, fit.friction, inertia, unit, stated=fit.inertia is not None
+            )
         if self.curve is not None and self.curve.speed[-1] < _SLOW:
             yield Remark.warning(
                 f"The fastest motion is {self.curve.speed[-1]:.2g} {self.recording.samples.unit}/s,"

@@ -49,7 +49,13 @@ def programme(rate: float, seconds: float, speeds: tuple[float, ...]) -> np.ndar
 
 
 def found(
-    folder: Path, law: Law, velocity: np.ndarray, rate: float, digits: int = 6
+    folder: Path,
+    law: Law,
+    velocity: np.ndarray,
+    rate: float,
+    *,
+    digits: int = 6,
+    own: str = "",
 ) -> FrictionResult:
     """Fit a recording with times of so many digits."""
     rng = np.random.default_rng(1)
@@ -61,7 +67,7 @@ def found(
     time = np.round(np.arange(len(place)) / rate, digits)
     rows = np.column_stack([time, np.round(place / STEP) * STEP, current])
     np.savetxt(folder / "trace.csv", rows, "%.6f", ",", header="t,x,i", comments="")
-    keys = "rated_current = 10.0\ntorque_unit = 0.001\nlevel = 1.0"
+    keys = f"rated_current = 10.0\ntorque_unit = 0.001\nlevel = 1.0\n{own}"
     (folder / "job.toml").write_text(friction_job(keys))
     (fit,) = run_job(folder / "job.toml", folder / "out").fits
     assert isinstance(fit, FrictionResult)
@@ -119,3 +125,17 @@ def test_an_inertia_is_not_taken_for_a_spring(tmp_path: Path) -> None:
     said = " ".join(remark.message for remark in fit.remarks)
     assert "The load changes" not in said
     assert "a single sine" not in said
+
+
+@pytest.mark.usefixtures("no_drawing")
+def test_a_stated_inertia_that_the_recording_contradicts_is_named(
+    tmp_path: Path,
+) -> None:
+    velocity = programme(1000.0, 50.0, (2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0))
+    words = "The recording shows an inertia of about 0.002 A per mm/s²"
+    for stated, wrong in ((0.004, True), (0.002, False)):
+        own = f"inertia = {stated}"
+        fit = found(tmp_path, coulomb, velocity, 1000.0, own=own)
+        said = " ".join(remark.message for remark in fit.remarks)
+        assert (words in said) == wrong
+        assert "The load changes" not in said
