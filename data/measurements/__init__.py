@@ -16,6 +16,7 @@ from ._dates import may_be_ms as may_be_ms
 from ._derive import (
     derive_error as derive_error,
     derive_motion as derive_motion,
+    on_even_clock as on_even_clock,
     recorded_motion as recorded_motion,
     reduce_length as reduce_length,
     wrap_degrees as wrap_degrees,

@@ -1,5 +1,7 @@
 """The error or the motion of an axis from what was measured, and lengths at 20 °C."""
 
+import dataclasses
+
 import numpy as np
 from jaxtyping import Float
 
@@ -20,6 +22,9 @@ are a contradiction: positions written with few digits follow an error badly."""
 _AGAINST, _FACTOR = -0.5, 1.6
 """Correlation of a recorded motion with that of the positions from which on it has the other
 sign, and how many times as large it is to have another unit: a filter leaves less of it."""
+_JITTER, _SMOOTHER, _LEAST = 0.005, 0.7, 100
+"""Share of a step by which a clock may be uneven unheeded; jerk with an even one, of that with the
+recorded one, below which the even one is right; and samples without a jump that tell it."""
 _REPEATED = 1.0 / 3.0
 """Share of samples at the instant before them from which on the clock is too coarse."""
 
@@ -289,3 +294,47 @@ def reduce_length(
         return error
     warmth = np.asarray(material_temperature, dtype=np.float64) - reference_temperature
     return error - 1e-6 * expansion * warmth * (position - datum)
+
+
+def on_even_clock(
+    measurement: Measurement, axis: str, *, share: float = 0.1
+) -> Measurement:
+    """Return a log whose samples are even in time where that is the clock they were taken by.
+
+    A time that was rounded, or stamped when a sample arrived, makes a smooth motion jerk. Where
+    samples lie within one step of an even clock, and the motion of the axis is smoother by that
+    one, it is the clock of the controller.
+
+    Args:
+        measurement: Any.
+        axis: Whose motion tells it.
+        share: As for `derive_motion`.
+    """
+    try:
+        time = np.asarray(measurement.require("time"), dtype=float)
+        clock = read_clock(time)
+        if clock.jitter <= _JITTER * clock.sample_time:
+            return measurement
+        even = time.copy()
+        for rows in clock.segments:
+            count = np.arange(len(time[rows]), dtype=float)
+            if len(count) > _LEAST:
+                even[rows] = np.polynomial.Polynomial.fit(count, time[rows], 1)(count)
+        moved = float(np.abs(even - time).max())
+        values = measurement.values.replaced("time", even)
+        found = dataclasses.replace(measurement, values=values)
+        pair = [derive_motion(one, axis, share=share) for one in (found, measurement)]
+    except (MissingRole, MeasurementError, SignalError):
+        return measurement  # who needs it says so
+    smooth, jerky = (
+        float(np.std(np.diff(one.acceleration)[one.settled[1:] & one.settled[:-1]]))
+        for one in pair
+    )
+    if moved > clock.sample_time or not smooth < _SMOOTHER * jerky:
+        return measurement
+    words = (
+        f"The times are uneven by {1e3 * clock.jitter:.2g} ms a step, and the motion of {axis} is"
+        f" smoother with samples every {1e3 * pair[0].clock.sample_time:.4g} ms: taken as these"
+        f" (times moved by up to {1e3 * moved:.2g} ms)."
+    )
+    return dataclasses.replace(found, remarks=(*measurement.remarks, words))

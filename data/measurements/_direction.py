@@ -11,7 +11,7 @@ from collections import Counter
 import numpy as np
 from jaxtyping import Float, Int
 
-from ..signals import last_direction
+from ..signals import travel_direction
 from ._convert import runs_against
 from ._errors import DirectionUnknown, MeasurementError
 from ._measurement import Measurement
@@ -215,8 +215,11 @@ class _Finder:
             self.remarks.append(
                 "Rows before the first motion are taken in its direction."
             )
-        signs = last_direction(steps, 0.0).astype(np.int64)
-        return np.concatenate([signs[:1], signs])
+        signs = travel_direction(path)
+        if not signs.any():
+            reason = "the axis goes no further than its position flickers"
+            raise self.unknown(reason)
+        return signs
 
     def targets(
         self, path: Float[np.ndarray, " n"], rows: Int[np.ndarray, " n"]

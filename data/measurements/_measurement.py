@@ -68,6 +68,10 @@ class RoleValues:
         """Roles that raise when they are used."""
         return tuple(self._bad)
 
+    def replaced(self, role: str, values: np.ndarray) -> "RoleValues":
+        """Return them with other values of a role; what cannot be used stays so."""
+        return RoleValues({**self._good, role: values}, self._bad, self._gaps)
+
     def with_gaps(self) -> "RoleValues":
         """Return the values with NaN where a cell of a number column holds none."""
         bad = {

@@ -16,9 +16,12 @@ from ..signals import (
     filtered_motion,
     first_motion,
     noise_of,
+    read_clock,
+    smoothed_motion,
     standing,
     travel_direction,
 )
+from ._derive import on_even_clock
 from ._errors import MeasurementError
 from ._measurement import Measurement, RoleValues
 
@@ -85,6 +88,9 @@ def without_motion(measurement: Measurement, axes: Sequence[str]) -> Measurement
             from what it lags behind, or times do not ascend.
     """
     moving = [axis for axis in axes if _moves(measurement, axis)]
+    for axis in axes:
+        if is_log(measurement.with_gaps(), axis):
+            measurement = on_even_clock(measurement, axis)
     gappy = measurement.with_gaps()
     late_errors = {axis: found for axis in axes if (found := _late_error(gappy, axis))}
     if not moving and not late_errors:
@@ -101,6 +107,12 @@ def without_motion(measurement: Measurement, axes: Sequence[str]) -> Measurement
     errors |= late_errors
     common = next((part.instants for part in errors.values() if part.clock), time)
     values = _at(measurement, time, common)
+    for axis in moving:
+        # Of all rows: an overrun, which is in motion, tells from which side a target came.
+        place = _place(measurement, axis)
+        if f"{axis}.direction" not in values and place is not None:
+            way = travel_direction(place)
+            values[f"{axis}.direction"] = np.where(way == 0, 1, way)
     remarks = list(measurement.remarks)
     units = dict(measurement.units)
     gaps = {}
@@ -322,7 +334,12 @@ def _motion(
     noise = 3.0 * noise_of(encoder) / step**2
     if noise > _NOISY * float(np.percentile(np.abs(rate), 99.9)):
         cutoff = min(0.1 / step, 100.0)
-        smooth = filtered_motion(time, encoder, cutoff=cutoff)
+        clock = read_clock(time)
+        smooth = (
+            filtered_motion(time, encoder, cutoff=cutoff, clock=clock)
+            if clock.uniform
+            else smoothed_motion(time, encoder, bandwidth=cutoff, clock=clock)
+        )
         speed = np.interp(instants, time, smooth.velocity)
         rate = np.interp(instants, time, smooth.acceleration)
     return place, speed, rate

@@ -43,6 +43,9 @@ IN_SHOP = (
     ' them has unit = "degF" or "K"'
 )
 """What is expected of the temperature of an axis, and what to look at."""
+_SPARSE, _MISSED = 0.5, 3.0
+"""Share of the rows below which a logger of temperatures is slower than the rows; how many of its
+readings in a row may be missed."""
 _ABSURD = 1e9
 """mm or °: a thousand kilometres, or some million turns."""
 _LEFT = 1e-3
@@ -158,12 +161,29 @@ class Rows:
         return tuple(map(sensor_name, roles))
 
     def temperature(self, sensor: str, why: str = "") -> Float[np.ndarray, " t"]:
-        """Return a temperature in °C.
+        """Return a temperature in °C; on a straight line between the readings of a slow logger.
 
         Raises:
             MissingRole: If it was not recorded; ``why`` ends the sentence.
         """
-        return self._required(SENSOR + sensor_name(sensor), why)
+        warm, time = self._required(SENSOR + sensor_name(sensor), why), self.time
+        known = np.isfinite(warm)
+        if time is None or not 2 < np.sum(known) < _SPARSE * len(warm):
+            return warm
+        gaps = np.diff(time[known])
+        if (gaps <= 0.0).any():
+            return warm
+        usual = float(np.median(gaps))
+        after = np.clip(np.searchsorted(time[known], time), 1, len(gaps))
+        near = (gaps[after - 1] <= _MISSED * usual) & np.isfinite(time)
+        between = np.interp(time, time[known], warm[known], np.nan, np.nan)
+        words = (
+            f"The temperature of {sensor_name(sensor)} was read every {usual:.3g} s: between its"
+            " readings it is taken on a straight line."
+        )
+        if words not in self.remarks:
+            self.remarks.append(words)
+        return np.where(known | ~near, warm, between)
 
     def current(self, axis: str) -> Float[np.ndarray, " t"] | None:
         """Return the current of a drive in its unit, or None."""

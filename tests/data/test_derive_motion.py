@@ -11,6 +11,7 @@ from axcomp.data.measurements import (
     MissingRole,
     derive_motion,
     measurement,
+    on_even_clock,
     read_table,
     recorded_motion,
 )
@@ -80,3 +81,23 @@ def test_recorded_motion_that_contradicts_the_positions_is_refused(
         recorded_motion(found, "X", what)
     right = load(tmp_path, time=TIME, X_position=place, **{f"X_{what}": motion[what]})
     assert recorded_motion(right, "X", what) is not None
+
+
+def test_samples_of_an_even_clock_are_even_however_they_were_stamped(
+    tmp_path: Path,
+) -> None:
+    even = 0.0025 * np.arange(8_000)
+    late = np.sort(even + np.random.default_rng(1).uniform(-4e-4, 4e-4, len(even)))
+
+    def encoder(time: np.ndarray) -> np.ndarray:
+        place = 50.0 * np.sin(1.3 * time) + 20.0 * np.sin(0.4 * time)
+        return np.round(place, 3)
+
+    stamped = load(tmp_path, time=np.round(even, 3), X_encoder=encoder(even))
+    found = on_even_clock(stamped, "X")
+    # All of them later by what rounding is on average, which is no matter.
+    assert np.ptp(found.values["time"] - even) < 1e-5
+    assert "with samples every 2.5 ms" in " ".join(found.remarks)
+    # What was taken at uneven times stands where it was then.
+    uneven = load(tmp_path, time=late, X_encoder=encoder(late))
+    assert on_even_clock(uneven, "X") is uneven

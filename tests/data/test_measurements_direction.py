@@ -1,6 +1,7 @@
 """The direction of approach from the order of targets, from time, or not at all."""
 
 from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,8 @@ from axcomp.data.measurements import (
     measurement,
     read_table,
     restart_of,
+    with_error,
+    without_motion,
 )
 
 
@@ -430,3 +433,48 @@ def test_columns_that_stand_beside_those_of_runs_are_named(tmp_path: Path) -> No
     path.write_text("\n".join([heads, *rows]) + "\n")
     (remark,) = (each for each in read_table(path).remarks if "Not used" in each)
     assert "Sonst 1, Sonst 2" in remark
+
+
+def rest_and_go(*stops: float, rate: float = 100.0) -> tuple[np.ndarray, np.ndarray]:
+    """Return time and place of an axis that stops for 2 s at each place, at 20 mm/s between."""
+    parts = [np.full(200, stops[0])]
+    for here, there in pairwise(stops):
+        count = int(abs(there - here) / 20.0 * rate)
+        parts += [np.linspace(here, there, count), np.full(200, there)]
+    place = np.concatenate(parts)
+    return np.arange(len(place)) / rate, place
+
+
+def test_the_last_digit_at_rest_turns_no_axis(tmp_path: Path) -> None:
+    time, place = rest_and_go(0.0, 20.0, 40.0, 20.0, 0.0)
+    flicker = np.random.default_rng(1).integers(0, 2, len(place)) * 1e-3
+    found = directions(
+        tmp_path, (place + flicker).round(3).tolist(), time=time.tolist()
+    )
+    turned = int(np.flatnonzero(place == 40.0)[-1])
+    way = np.array(found)
+    assert (way[:turned] == 1).all()
+    # Where it turns a digit is not told from the first row of the way back.
+    assert (way[turned + 5 :] == -1).all()
+
+
+def test_an_overrun_in_motion_tells_from_which_side_a_target_came(
+    tmp_path: Path,
+) -> None:
+    time, place = rest_and_go(0.0, 10.0, 20.0, 22.0, 20.0, 10.0, 0.0)
+    # Nobody rests at the overrun.
+    beyond = np.flatnonzero(place == 22.0)[1:-1]
+    time, place = (np.delete(each, beyond) for each in (time, place))
+    time = np.arange(len(time)) / 100.0
+    rows = np.column_stack([time, place, place + 0.003])
+    path = tmp_path / "m.csv"
+    np.savetxt(path, rows, "%.4f", ",", header="t,x,a", comments="")
+    mapping = {"time": "t", "X.position": "x", "X.actual": "a"}
+    log = measurement(
+        read_table(path), {role: ColumnSpec(name) for role, name in mapping.items()}
+    )
+    still = with_error(without_motion(log, ["X"]), "X")
+    way, where = derive_direction(still, "X"), np.asarray(still.values["X.position"])
+    at_end = way[np.abs(where - 20.0) < 1e-3]
+    assert {*at_end.tolist()} == {1, -1}
+    assert (np.diff(at_end) <= 0).all()

@@ -379,6 +379,23 @@ def test_two_sensors_share_one_table(tmp_path: Path) -> None:
     assert moved == pytest.approx([-0.012, -0.020, -0.032], abs=5e-4)
 
 
+def test_a_sensor_that_is_read_now_and_then_is_on_a_line_between(
+    tmp_path: Path,
+) -> None:
+    warm_up(tmp_path)
+    head, *rows = (tmp_path / "warm.csv").read_text().splitlines()
+    slow = [
+        row if k % 5 == 0 else f"{row.rpartition(',')[0]},"
+        for k, row in enumerate(rows)
+    ]
+    (tmp_path / "warm.csv").write_text("\n".join([head, *slow]) + "\n")
+    found = run(tmp_path)
+    said = " ".join(remark.message for remark in found.remarks)
+    assert "The temperature of frame was read every 300 s" in said
+    assert found.fit.missed <= 4  # behind its last reading
+    assert found.error["from_file"].sound.rms < 1.2 * NOISE
+
+
 def test_missed_readings_and_missed_steps_are_set_aside(tmp_path: Path) -> None:
     warm_up(tmp_path)
     lines = (tmp_path / "warm.csv").read_text().splitlines()

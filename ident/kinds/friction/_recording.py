@@ -15,6 +15,7 @@ from ....data.measurements import (
     MissingRole,
     RoleValues,
     derive_motion,
+    on_even_clock,
     recorded_motion,
 )
 from ....data.signals import (
@@ -49,9 +50,6 @@ _SLOWER, _WITHIN, _KEPT, _UNSURE = 10.0, 1.0, 0.2, 10.0
 and its change in one of them; deviations of the usual velocity below which that one is unsure."""
 _FINE = 1e-4
 """Median noise of a recorded velocity, as a share of the highest, that is none."""
-_JITTER, _SMOOTHER = 0.005, 0.7
-"""Share of a step by which a clock may be uneven unheeded; jerk with an even one, of that with the
-recorded one, below which the even one is right."""
 _SURE = 0.999
 """Probability from which on a current that opposes the motion is turned round."""
 
@@ -91,7 +89,8 @@ def read_drive(tables: Tables, fit: Spec) -> DriveRecording:
     purpose = f"for the friction fit of {axis}"
     recorded = np.asarray(measured.require(role, purpose), dtype=float)
     current, spikes = without_spikes(recorded)
-    motion, even = _on_even_clock(measured, axis)
+    measured = on_even_clock(measured, axis, share=_SHARE)
+    motion = _motion(measured, axis)
     spec = tables.job.spec.axes[axis]
     unit = "mm" if spec.kind == "linear" else "°"
     examined = examine(motion, current, unit=unit)
@@ -126,8 +125,6 @@ def read_drive(tables: Tables, fit: Spec) -> DriveRecording:
         # Between several recordings of one fit it jumps in any case.
         and (finding.kind != "clock jumps" or len(motion.clock.jumps) >= len(parts))
     ]
-    if even:
-        remarks.append(Remark.info(even))
     if dropped:
         words = (
             f"{dropped} samples that the recorder dropped, of {measured.rows}, were filled in"
@@ -217,41 +214,6 @@ def _one_after_another(parts: Sequence[Measurement]) -> Measurement:
         rows=sum(part.rows for part in parts),
         lines=np.concatenate([part.lines for part in parts]),
         remarks=tuple(remarks),
-    )
-
-
-def _on_even_clock(measured: Measurement, axis: str) -> tuple[Motion, str]:
-    """Return the motion of an axis, and that its samples were taken as even in time.
-
-    A time that was rounded, or stamped when a sample arrived, makes a smooth motion jerk. Where
-    samples lie within one step of an even clock, and the motion is smoother by that one, it is
-    the clock of the drive.
-    """
-    motion = _motion(measured, axis)
-    clock = motion.clock
-    if clock.jitter <= _JITTER * clock.sample_time:
-        return motion, ""
-    time = np.asarray(measured.require("time", "for a drive"), dtype=float)
-    even = time.copy()
-    for rows in clock.segments:
-        count = np.arange(len(time[rows]), dtype=float)
-        if len(count) > _LEAST:
-            even[rows] = np.polynomial.Polynomial.fit(count, time[rows], 1)(count)
-    moved = float(np.abs(even - time).max())
-    if moved > clock.sample_time:
-        return motion, ""
-    values = RoleValues({**measured.values, "time": even})
-    smooth = _motion(dataclasses.replace(measured, values=values), axis)
-    jerks = [
-        float(np.std(np.diff(one.acceleration)[one.settled[1:] & one.settled[:-1]]))
-        for one in (smooth, motion)
-    ]
-    if not jerks[0] < _SMOOTHER * jerks[1]:
-        return motion, ""
-    return smooth, (
-        f"The times are uneven by {1e3 * clock.jitter:.2g} ms a step, and the motion is smoother"
-        f" with samples every {1e3 * smooth.clock.sample_time:.4g} ms: taken as these (times"
-        f" moved by up to {1e3 * moved:.2g} ms)."
     )
 
 
