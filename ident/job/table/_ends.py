@@ -167,6 +167,8 @@ def _datum_beyond(draft: TableDraft) -> Iterator[Remark]:
         branches = range(plan.table.branches)
         places = [_places(draft, k, branch, datum=False) for branch in branches]
         read = np.flatnonzero(_touched(nodes, np.concatenate(places)))
+        if not read.size:  # all of it wild
+            continue
         first, last = nodes[[max(read[0] - 1, 0), min(read[-1] + 1, len(nodes) - 1)]]
         if not first <= at <= last:
             yield Remark.warning(
