@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float
 from ._clock import Clock, read_clock
 from ._errors import SignalError, check_lengths
 from ._filter import SETTLING, bandwidth, central_differences, zero_phase
-from ._noise import noise_gain, noise_of
+from ._noise import NORMAL, noise_gain, noise_of
 from ._order import median
 
 _SETTLING = 2.0
@@ -33,6 +33,8 @@ class Motion:
         settled: False within reach of an end of the record or of a jump of the clock,
             where the values rest on one side only.
         clock: How the times run.
+        noise_in_motion: As `position_noise`, where the axis is fast: times that are not those
+            of the samples show there.
     """
 
     time: Float[np.ndarray, " t"]
@@ -45,6 +47,14 @@ class Motion:
     acceleration_noise: float
     settled: Bool[np.ndarray, " t"]
     clock: Clock
+    noise_in_motion: float
+
+    @functools.cached_property
+    def noise_of_peak(self) -> tuple[float, float]:
+        """Noise of the acceleration in the largest one, in general and where the axis is fast."""
+        peak = float(np.abs(self.acceleration).max(where=self.settled, initial=1e-300))
+        gain = self.acceleration_noise / max(self.position_noise, 1e-300)
+        return self.acceleration_noise / peak, gain * self.noise_in_motion / peak
 
     @functools.cached_property
     def step(self) -> float:
@@ -113,7 +123,19 @@ def filtered_motion(
         acceleration_noise=noise * gains[1],
         settled=settled,
         clock=clock,
+        noise_in_motion=_noise_in_motion(position - rows[0], rows[1], settled),
     )
+
+
+def _noise_in_motion(
+    taken_out: Float[np.ndarray, " t"],
+    velocity: Float[np.ndarray, " t"],
+    settled: Bool[np.ndarray, " t"],
+) -> float:
+    """Return the standard deviation of what was taken out of positions where an axis is fast."""
+    speed = np.where(settled, np.abs(velocity), 0.0)
+    fast = speed > 0.5 * speed.max(initial=0.0)
+    return NORMAL * median(np.abs(taken_out[fast])) if fast.any() else 0.0
 
 
 def _by_filter(
@@ -210,4 +232,5 @@ def smoothed_motion(
         acceleration_noise=noise * gain(2),
         settled=settled,
         clock=clock,
+        noise_in_motion=_noise_in_motion(position - rows[0], rows[1], settled),
     )

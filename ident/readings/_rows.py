@@ -15,6 +15,7 @@ from ...data.measurements import (
     derive_motion,
     explain_direction,
     is_log,
+    on_even_clock,
     recorded_motion,
     reduce_length,
     restart_of,
@@ -50,6 +51,9 @@ _ABSURD = 1e9
 """mm or °: a thousand kilometres, or some million turns."""
 _LEFT = 1e-3
 """Share of its travel that an axis has gone when it has surely moved."""
+_SHARP, _NOISY, _NOISE = 0.25, 0.01, 0.08
+"""Cutoff of a derived motion in sample rates, above the usual one, that is taken while the noise of
+the acceleration is a small part of its peak; and the part at which it looks like accelerations."""
 
 
 def sensor_name(text: str) -> str:
@@ -345,9 +349,25 @@ class Rows:
         if stated is not None:
             return np.asarray(stated, dtype=float)
         if (axis, kinds) not in self._motions:
-            derived = derive_motion(self.measured, axis, order=kinds)
+            # The filter of a log of few samples is slower than an acceleration of a machine:
+            # as sharp a one as the noise of the positions allows.
+            log = on_even_clock(self.measured, axis)
+            derived = derive_motion(log, axis, order=kinds, share=_SHARP)
+            if max(derived.noise_of_peak) > _NOISY:
+                derived = derive_motion(log, axis, order=kinds)
             self._motions[axis, kinds] = derived
+            self.remarks += log.remarks[len(self.measured.remarks) :]
         motion = self._motions[axis, kinds]
+        moving = motion.noise_of_peak[1]
+        if what == "acceleration" and moving > _NOISE:
+            noises = 1e3 * motion.position_noise, 1e3 * motion.noise_in_motion
+            reason = (
+                f"found positions of {axis} that scatter by {noises[0]:.2g} µm, and by"
+                f" {noises[1]:.3g} µm where it is fast: {100 * moving:.0f} % of the largest"
+                f" acceleration that they tell is noise, expected at most {100 * _NOISE:.0f} %;"
+                f" record '{axis}.acceleration', or the time at which each sample was taken"
+            )
+            raise MeasurementError(str(self.measured.source), reason)
         self.remarks.append(
             f"The {what} of {axis} was not recorded: it is derived from the position, up"
             f" to {motion.bandwidth:.3g} Hz."

@@ -40,7 +40,7 @@ Where accelerations go straight into others, the rows over which a filter of 22 
 make 10 of it for those of 0.1 s, and more for longer ones; a tenth of the time at rest makes 5,
 an acceleration like a sine 2.5. What shorter ones make of it, the gate sees (`from_file`).
 """
-_DEARER = 4.0
+_DEARER = 16.0
 """Variance by impulses, in that of least squares, up to which impulses are preferred."""
 _BLURRED = 4.0
 """Deviation, in the one at a fixed place, up to which an event is one whose size moves."""
