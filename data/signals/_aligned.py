@@ -12,6 +12,8 @@ _FOURTH = 0.05
 """Error of a cubic spline between samples, per fourth difference, at a jump of jerk."""
 _SHARE = 0.5
 """Of the noise that this error may be."""
+_WHILE = 0.2
+"""s in which an axis that stands shows no more than one digit of its encoder."""
 _FLICKER, _DIGITS, _SHORT, _FINE = 10.0, 2.5, 1e-6, 1e-3
 """Deviations of an encoder, its digits, and share of its whole way, that are no travel; share of
 it that a digit is less than."""
@@ -177,12 +179,9 @@ def travel_direction(place: Float[np.ndarray, " t"]) -> Int[np.ndarray, " t"]:
     """
     if place.size < 2:
         return np.zeros(place.size, np.int64)
-    fastest, whole = (float(np.ptp(each)) for each in (np.diff(place), place))
-    digit = resolution(place)
-    # Targets, and what moves on by the same from sample to sample, show no digit of an encoder.
-    digit = digit if digit < min(0.25 * fastest, _FINE * whole) else 0.0
     noise = scatter_of(place) if place.size > 3 else 0.0
-    least = max(_FLICKER * noise, _DIGITS * digit, _SHORT * whole)
+    whole = float(np.ptp(place))
+    least = max(_FLICKER * noise, _DIGITS * _digit_of(place), _SHORT * whole)
     low = high = float(place[0])
     turns, ways, way = [0], [0], 0
     for row, here in enumerate(place.tolist()):
@@ -203,6 +202,16 @@ def travel_direction(place: Float[np.ndarray, " t"]) -> Int[np.ndarray, " t"]:
     return np.repeat(ways, np.diff([*turns, place.size]))
 
 
+def _digit_of(place: Float[np.ndarray, " t"]) -> float:
+    """Return the step of an encoder; 0 where its samples show none.
+
+    Targets, and what moves on by the same from sample to sample, do not.
+    """
+    fastest, whole = (float(np.ptp(each)) for each in (np.diff(place), place))
+    digit = resolution(place)
+    return digit if digit < min(0.25 * fastest, _FINE * whole) else 0.0
+
+
 def first_motion(
     time: Float[np.ndarray, " t"], position: Float[np.ndarray, " t"]
 ) -> int:
@@ -217,5 +226,15 @@ def _moving(
     # How an encoder flickers; third differences of a steady motion do not show the motion.
     third = np.abs(np.diff(position, 3)) if position.size > 3 else np.zeros(1)
     flicker = float(np.percentile(third, 20.0))
-    slow = max(1e-3, 3.0 * flicker / float(np.median(np.diff(time))))
-    return np.asarray(np.abs(np.diff(position)) > slow * np.diff(time))
+    step = float(np.median(np.diff(time)))
+    slow = max(1e-3, 3.0 * flicker / step)
+    moving = np.abs(np.diff(position)) > slow * np.diff(time)
+    digit = _digit_of(position) if position.size > 3 else 0.0
+    if digit > 0.0:
+        from scipy.ndimage import maximum_filter1d, minimum_filter1d
+
+        # A digit that changes now and then is no motion while it comes back.
+        size = 2 * max(round(0.5 * _WHILE / step), 1) + 1
+        span = maximum_filter1d(position, size) - minimum_filter1d(position, size)
+        moving &= np.maximum(span[1:], span[:-1]) > 1.5 * digit
+    return np.asarray(moving)

@@ -18,6 +18,7 @@ from axcomp.data.signals import (
     resolution,
     signs_at_one_place,
     smoothed_motion,
+    standing,
     zero_phase,
 )
 
@@ -250,3 +251,20 @@ def test_signs_of_an_acceleration_at_one_place_are_counted(
     # Hard near the ends of its strokes: cubes of what the cosine does.
     a = np.gradient(np.gradient(x, step), step) ** 3
     assert signs_at_one_place(a, x) == signs
+
+
+def test_a_digit_that_flickers_at_rest_is_no_motion_and_a_creep_is() -> None:
+    time = 0.01 * np.arange(1200)
+    ramp = np.interp(time, [2.0, 4.0, 8.0, 12.0], [0.0, 100.0, 100.0, 100.4])
+    rng = np.random.default_rng(2)
+    # An encoder of 1 µm; one sample in eight at rest shows the digit above.
+    shown = np.rint(1e3 * ramp) / 1e3
+    shown += np.where((time < 8.0) & (rng.random(1200) < 0.12), 1e-3, 0.0)
+    found = standing(time, shown)
+    # The first 0.3 s of each rest are where a loop may still settle, and the last 0.1 s before
+    # a motion lie within what tells a digit from it.
+    assert found[(time > 0.35) & (time < 1.85)].all()
+    assert found[(time > 4.45) & (time < 7.85)].all()
+    assert not found[(time > 2.0) & (time < 4.25)].any()
+    # 0.1 mm/s, a digit a sample.
+    assert not found[time > 8.05].any()
