@@ -82,6 +82,7 @@ from ._measurement import (
 from ._mesh import PROBED_HEIGHTS as PROBED_HEIGHTS
 from ._moving import (
     is_log as is_log,
+    standstill_words as standstill_words,
     with_error as with_error,
     without_motion as without_motion,
 )

@@ -143,6 +143,19 @@ def without_motion(measurement: Measurement, axes: Sequence[str]) -> Measurement
     )
 
 
+def standstill_words(measurement: Measurement, axis: str) -> str:
+    """Return why of a log only the rows count in which an axis stands; empty where others do."""
+    try:
+        if not _moves(measurement, axis):
+            return ""
+        gappy = on_even_clock(measurement, axis).with_gaps()
+        time = np.asarray(gappy.require("time"), dtype=float)
+        found = _error_of(gappy, axis, time)
+    except MeasurementError:
+        return ""
+    return found.words if found.clock is None else ""
+
+
 def with_error(measurement: Measurement, axis: str) -> Measurement:
     """Return the rows of a log in which the error of an axis is known."""
     role = f"{axis}.error"

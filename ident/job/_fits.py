@@ -4,11 +4,13 @@ import dataclasses
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from ...data.measurements import standstill_words
 from ..core import FitError
 from ..kinds._keys import FitSpec
 from ..readings import Tables
 from ._acting import hand_on, leftovers
 from ._draft import AbstractDraft
+from .file._faults import JobError
 from .file._load import Job
 
 if TYPE_CHECKING:
@@ -70,6 +72,9 @@ def fit_all(
             try:
                 with job.blaming(("fits", k), f"{_start(fits[k])}: "):
                     draft = single[k].fit_single(tables, left)
+            except JobError as error:
+                reason = _with_standing(error.reason, tables, fits[k])
+                raise JobError(error.source, error.line, reason) from None
             except FitError as error:
                 if k not in confounded:
                     undetermined[k], confounded[k] = error, str(error)
@@ -79,7 +84,8 @@ def fit_all(
         hand_on(draft, order[place + 1 :], left)
     if len(undetermined) == len(fits):
         k = next(iter(undetermined))
-        raise job.error(("fits", k), f"{_start(fits[k])}: {undetermined[k]}")
+        reason = _with_standing(str(undetermined[k]), tables, fits[k])
+        raise job.error(("fits", k), f"{_start(fits[k])}: {reason}")
     for (k, _), acting in left.items():
         beside = dict.fromkeys((*drafts[k].beside, *(each.name for each in acting)))
         drafts[k] = dataclasses.replace(drafts[k], beside=tuple(beside))
@@ -88,6 +94,13 @@ def fit_all(
 
 def _start(fit: FitSpec) -> str:
     return f"{fit.name} from {', '.join(fit.sources)}"
+
+
+def _with_standing(reason: str, tables: Tables, fit: FitSpec) -> str:
+    """Return why nothing came out of a fit, and why few readings are left of its logs."""
+    every = (tables.measured(name, fit.axis) for name in fit.sources)
+    words = [standstill_words(measured, fit.axis) for measured in every]
+    return ". ".join([reason, *filter(None, words)]).replace("..", ".")
 
 
 def _refuse_streams(job: Job, grouped: frozenset[int]) -> None:

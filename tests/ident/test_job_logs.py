@@ -5,10 +5,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 from jaxtyping import Float
 from scipy.signal import lfilter
 
-from axcomp.ident.job import run_job
+from axcomp.ident.job import JobError, run_job
 
 Array = Float[np.ndarray, " t"]
 CROSS = """compensation = "cross"
@@ -135,3 +136,29 @@ def test_a_scanned_surface_does_not_follow_what_its_neighbours_in_time_share(
     assert 1e3 * np.sqrt(np.mean(off**2)) < 1.5
     # Of 121 nodes that are smoothed together some twenty tell something of their own.
     assert 0.6 < np.sqrt(np.mean((off / deviation) ** 2)) < 1.5
+
+
+@pytest.mark.parametrize("table", ["leadscrew", "backlash"])
+def test_a_refusal_says_why_few_rows_of_a_log_in_motion_were_left(
+    tmp_path: Path, table: str
+) -> None:
+    time = 0.02 * np.arange(2000)
+    place = np.interp(time % 20.0, [1.0, 9.0, 11.0, 19.0], [0.0, 300.0, 300.0, 0.0])
+    rows = np.column_stack([time, place, place + 0.005])
+    header = "t [s],X.position [mm],X.actual [mm]"
+    np.savetxt(tmp_path / "log.csv", rows, "%.4f", ",", header=header, comments="")
+    job = tmp_path / "job.toml"
+    job.write_text(
+        '[axes.X]\nnumber = 1\n[measurements.log]\nfile = "log.csv"\nactive = []\n'
+        'remove = "offset"\n[[fits]]\naxis = "X"\nmeasurement = "log"\n'
+        f'compensation = "{table}"\n'
+        + (
+            "start = 0.0\ninterval = 20.0\npoints = 16\n"
+            if table == "leadscrew"
+            else ""
+        )
+    )
+    with pytest.raises(
+        JobError, match=r"rows at standstill count, since its encoder was"
+    ):
+        run_job(job, tmp_path / "out")
