@@ -118,10 +118,15 @@ def _coarse(
     scores = np.where(np.abs(delays) <= most, scores, 0.0)
     best = int(np.argmax(scores))
     inner = (scores[1:-1] > scores[:-2]) & (scores[1:-1] >= scores[2:])
-    peaks = 1 + np.flatnonzero(inner)
-    others = scores[peaks[peaks != best]]
-    second = float(others.max() / scores[best]) if others.size else 0.0
-    return int(delays[best]), second
+    others = [
+        scores[peak]
+        for peak in (1 + np.flatnonzero(inner)).tolist()
+        # Ripples on the way down from the best, as samples that a recorder repeats make
+        # them, are no other place.
+        if scores[min(peak, best) : max(peak, best) + 1].min()
+        < _SECOND_PEAK * scores[peak]
+    ]
+    return int(delays[best]), float(max(others, default=0.0) / scores[best])
 
 
 def _refine(

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from ...data.measurements import (
     DirectionUnknown,
@@ -47,6 +47,8 @@ IN_SHOP = (
 _SPARSE, _MISSED = 0.5, 3.0
 """Share of the rows below which a logger of temperatures is slower than the rows; how many of its
 readings in a row may be missed."""
+_CHANGES, _HELD = 10, 4.0
+"""Changes of a temperature that tell the cycle of its logger, and rows of a cycle at least."""
 _ABSURD = 1e9
 """mm or °: a thousand kilometres, or some million turns."""
 _LEFT = 1e-3
@@ -172,6 +174,8 @@ class Rows:
         """
         warm, time = self._required(SENSOR + sensor_name(sensor), why), self.time
         known = np.isfinite(warm)
+        if time is not None:
+            known[known] &= _fresh(time[known], warm[known])
         if time is None or not 2 < np.sum(known) < _SPARSE * len(warm):
             return warm
         gaps = np.diff(time[known])
@@ -421,6 +425,36 @@ class Rows:
                 " or °: these readings are left out."
             )
         return values
+
+
+def _fresh(
+    time: Float[np.ndarray, " t"], warm: Float[np.ndarray, " t"]
+) -> Bool[np.ndarray, " t"]:
+    """Return which rows hold a reading of a logger that repeats the last one until the next.
+
+    Such values change after a whole number of its cycles, to a row; those of a coarse display do
+    so whenever the temperature passes a digit. One value for each run of several, with breaks
+    between them, is what somebody wrote down: it holds for the run.
+    """
+    changes = 1 + np.flatnonzero(np.diff(warm))
+    fresh = np.ones(len(warm), dtype=bool)
+    if len(changes) < _CHANGES:
+        return fresh
+    gaps = np.diff(changes)
+    cycle = float(gaps.min())
+    # The mean of all steps by their number of cycles, rounded with the shortest one.
+    for _ in range(2):
+        cycle = gaps.sum() / max(np.rint(gaps / cycle).sum(), 1.0)
+    count = np.rint(gaps / cycle)
+    regular = np.abs(gaps - count * cycle) <= 1.0
+    if cycle < _HELD or not regular.all() or count.mean() > _MISSED:
+        return fresh
+    number = np.floor((np.arange(len(warm)) - changes[0] + 0.5) / cycle)
+    number[changes[0] :] = np.maximum(number[changes[0] :], 0.0)
+    found = fresh.copy()
+    found[1:] = np.diff(number) > 0.0
+    usual = float(np.median(np.diff(time[found])))
+    return found if np.diff(time).max() < 0.5 * usual else fresh
 
 
 def reference_words(

@@ -84,3 +84,16 @@ def test_motion_that_repeats_leaves_the_delay_open() -> None:
 def test_short_record_is_refused() -> None:
     with pytest.raises(SignalError, match="delay: found 40 samples"):
         estimate_delay(TIME[:40], TIME[:40], STEP, longest=0.01)
+
+
+def test_samples_that_a_recorder_repeats_are_no_second_delay() -> None:
+    rng, time = np.random.default_rng(1), STEP * np.arange(17000)
+    place = 200.0 * np.sin(0.4 * time) + 20.0 * np.sin(3.1 * time + 0.3)
+    rows = np.arange(len(time))
+    for start in rng.choice(len(time) - 20, 10, replace=False):
+        rows[start : start + 8] = rows[start]
+    late = np.roll(place, 3)
+    found = estimate_delay(place[rows], late[rows], STEP, longest=0.02)
+    assert found.determined
+    # A tenth of a sample.
+    assert found.seconds == pytest.approx(3e-3, abs=1e-4)

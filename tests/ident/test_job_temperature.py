@@ -379,14 +379,17 @@ def test_two_sensors_share_one_table(tmp_path: Path) -> None:
     assert moved == pytest.approx([-0.012, -0.020, -0.032], abs=5e-4)
 
 
+@pytest.mark.parametrize("held", [False, True])
 def test_a_sensor_that_is_read_now_and_then_is_on_a_line_between(
-    tmp_path: Path,
+    tmp_path: Path, held: bool
 ) -> None:
     warm_up(tmp_path)
     head, *rows = (tmp_path / "warm.csv").read_text().splitlines()
+    cells = [row.rpartition(",") for row in rows]
+    read = [warm for _, _, warm in cells[::5]]
     slow = [
-        row if k % 5 == 0 else f"{row.rpartition(',')[0]},"
-        for k, row in enumerate(rows)
+        f"{row},{read[k // 5] if held or k % 5 == 0 else ''}"
+        for k, (row, _, _) in enumerate(cells)
     ]
     (tmp_path / "warm.csv").write_text("\n".join([head, *slow]) + "\n")
     found = run(tmp_path)

@@ -32,6 +32,8 @@ _STEP = 0.02
 _ORDER, _DRAWS, _SHIFT = 3, 64, 1e-3
 """Order of the differences that tell the noise of a sensor; how often it is drawn anew; change
 of a temperature in K for what it moves."""
+_STRAIGHT = 1e-6
+"""Change of a slope, in the largest one, up to which a line is straight."""
 _RIDGE = 1e-9
 _SEEN = 1e-9
 """Least share of a lag's effect that counts as its own beside all other unknowns."""
@@ -219,18 +221,31 @@ def sensed_variances(
         influence = np.zeros(len(data))
         influence[design.rows] = direction * (above - below) / (2.0 * _SHIFT)
         influence /= max(float(direction @ direction), 1e-300)
-        # What a temperature does is smooth over a few readings of its sensor.
-        steps = np.diff(sensed.values, _ORDER)
+        # What a temperature does is smooth over a few readings of its sensor. Rows between two
+        # readings of a slow one have their noise from both.
+        read = np.flatnonzero(_bends(sensed.clock, sensed.values))
+        steps = np.diff(sensed.values[read], _ORDER)
         square = float(steps @ steps) / max(len(steps), 1)
         noise = np.sqrt(square / comb(2 * _ORDER, _ORDER))
-        draws = noise * rng.standard_normal((_DRAWS, len(sensed.clock)))
+        draws = noise * rng.standard_normal((_DRAWS, len(read)))
         draws[:, 0] = 0.0  # a line through the first readings begins
         changes = [
-            influence[sensed.known] @ lagged(sensed.clock, draw, lag)[sensed.back]
+            influence[sensed.known]
+            @ lagged(
+                sensed.clock, np.interp(sensed.clock, sensed.clock[read], draw), lag
+            )[sensed.back]
             for draw in draws
         ]
         result[sensor] = float(np.mean(np.square(changes)))
     return result
+
+
+def _bends(time: Vector, values: Vector) -> Bool[np.ndarray, " n"]:
+    """Return where values do not go on straight; both ends count."""
+    slopes = np.diff(values) / np.diff(time)
+    bends = np.ones(len(time), dtype=bool)
+    bends[1:-1] = np.abs(np.diff(slopes)) > _STRAIGHT * np.abs(slopes).max(initial=0.0)
+    return bends
 
 
 def lag_variances(

@@ -162,7 +162,8 @@ def test_lag_that_rough_tables_do_all_of_has_a_deviation_beyond_any_lag() -> Non
     assert alone == pytest.approx(500.0)
 
 
-def test_lag_knows_of_the_noise_of_its_sensor() -> None:
+@pytest.mark.parametrize("each", [1, 10])
+def test_lag_knows_of_the_noise_of_its_sensor(each: int) -> None:
     found, time = [], np.linspace(0.0, 1800.0, 500)
     heat = 21.0 + 3.0 * np.sin(time / 250.0) + time / 600.0
     for seed in range(8):
@@ -170,7 +171,8 @@ def test_lag_knows_of_the_noise_of_its_sensor() -> None:
         place = rng.uniform(0.0, 1000.0, 500)
         error = 8e-6 * place * (lagged(time, heat, LAG) - 20.0)
         error += rng.normal(0.0, 2e-4, 500)
-        shown = {"T": heat + rng.normal(0.0, 0.2, 500)}
+        read = heat[::each] + rng.normal(0.0, 0.2 / np.sqrt(each), len(heat[::each]))
+        shown = {"T": np.interp(time, time[::each], read)}
         data = JointData({"X": place}, {"X": error}, temperature=shown, time=time)
         warm = Temperature("X", {"coefficient": "T"}, lag="fit")
         found.append(fit_joint(data, [warm], loss="gauss").parts[0].lags["T"])
