@@ -9,9 +9,8 @@ from ..signals import (
     Clock,
     Motion,
     SignalError,
-    filtered_motion,
+    motion_of,
     read_clock,
-    smoothed_motion,
 )
 from ._errors import CellError, MeasurementError, MissingRole
 from ._measurement import Measurement
@@ -187,9 +186,7 @@ def derive_motion(
         if cutoff is None:  # a spline follows no more than a quarter of the rate
             share = share if clock.uniform else min(share, 0.25)
             cutoff = min(share / clock.sample_time, 100.0)
-        if clock.uniform:
-            return filtered_motion(time, position, cutoff=cutoff, clock=clock)
-        return smoothed_motion(time, position, bandwidth=cutoff, clock=clock)
+        return motion_of(time, position, cutoff=cutoff, clock=clock)
     except SignalError as error:
         raise MeasurementError(str(measurement.source), f"{role}: {error}") from error
 

@@ -13,11 +13,9 @@ from ..signals import (
     aligned_error,
     encoder_spline,
     estimate_instrument,
-    filtered_motion,
     first_motion,
+    motion_of,
     noise_of,
-    read_clock,
-    smoothed_motion,
     standing,
     travel_direction,
 )
@@ -298,8 +296,8 @@ def _aligned_words(axis: str, clock: InstrumentClock, aligned: AlignedError) -> 
     )
     if lost >= _TOLD:
         words += (
-            f" {lost:.1%} of the rows are left out, where the samples are too far apart"
-            " for that."
+            f" {lost:.1%} of the rows are left out, where the samples of the encoder are too far"
+            " apart, or too noisy, to say where the axis was between them."
         )
     return words
 
@@ -346,13 +344,7 @@ def _motion(
     step = float(np.median(np.diff(time)))
     noise = 3.0 * noise_of(encoder) / step**2
     if noise > _NOISY * float(np.percentile(np.abs(rate), 99.9)):
-        cutoff = min(0.1 / step, 100.0)
-        clock = read_clock(time)
-        smooth = (
-            filtered_motion(time, encoder, cutoff=cutoff, clock=clock)
-            if clock.uniform
-            else smoothed_motion(time, encoder, bandwidth=cutoff, clock=clock)
-        )
+        smooth = motion_of(time, encoder, cutoff=min(0.1 / step, 100.0))
         speed = np.interp(instants, time, smooth.velocity)
         rate = np.interp(instants, time, smooth.acceleration)
     return place, speed, rate

@@ -56,6 +56,7 @@ from ._instrument import estimate_instrument as estimate_instrument
 from ._motion import (
     Motion as Motion,
     filtered_motion as filtered_motion,
+    motion_of as motion_of,
     smoothed_motion as smoothed_motion,
 )
 from ._noise import (

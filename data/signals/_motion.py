@@ -64,6 +64,30 @@ class Motion:
         return median(np.diff(self.time))
 
 
+def motion_of(
+    time: Float[np.ndarray, " t"],
+    position: Float[np.ndarray, " t"],
+    *,
+    cutoff: float,
+    clock: Clock | None = None,
+) -> Motion:
+    """Return the motion by a filter where the steps of time are equal, else by a spline.
+
+    Args:
+        time: In s, rising within segments.
+        position: In mm or °.
+        cutoff: Of one pass of the filter, or bandwidth of the spline, in Hz.
+        clock: Of the times; read from them where left out.
+
+    Raises:
+        SignalError: If the cutoff does not fit the steps, or there are too few samples.
+    """
+    clock = clock or read_clock(time)
+    if clock.uniform:
+        return filtered_motion(time, position, cutoff=cutoff, clock=clock)
+    return smoothed_motion(time, position, bandwidth=cutoff, clock=clock)
+
+
 def filtered_motion(
     time: Float[np.ndarray, " t"],
     position: Float[np.ndarray, " t"],
