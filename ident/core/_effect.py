@@ -247,24 +247,30 @@ class ColumnsEffect(AbstractEffect):
 class GroupEffect(AbstractEffect):
     """Offsets of groups of readings (``run``), as contrasts; with a trend within each, too.
 
-    Effects of all groups that count sum to zero, so that what stands beside them keeps the
-    mean; a ridge holds what no reading determines.
+    What stands beside them keeps the mean of all groups that count; a ridge holds what no
+    reading determines.
 
     Attributes:
-        counted: Groups whose effects sum to zero.
+        counted: Groups that count in the mean.
         trend: Name of the input with the centred place within it; None: offsets only.
+        kept: Offsets, then trends, of each group that what stands beside them does as well, and
+            keeps; orthonormal columns. None: offsets that are alike, and trends that are.
     """
 
     counted: Bool[np.ndarray, " g"]
     trend: str | None = None
+    kept: Float[np.ndarray, "pg k"] | None = None
 
     ridge = 1e-9
 
     @cached_property
-    def contrast(self) -> Float[np.ndarray, "g c"]:
-        """Orthonormal columns over the groups."""
+    def by_group(self) -> Float[np.ndarray, "pg c"]:
+        """Offsets, then trends, of each group, by unknowns: orthonormal columns."""
         counts = self.counted if self.counted.any() else np.ones_like(self.counted)
-        return np.asarray(scipy.linalg.null_space(counts[None].astype(float)))
+        alike = np.kron(np.eye(self.parts), np.ones((len(counts), 1)))
+        kept = alike if self.kept is None else self.kept
+        shown = kept * np.tile(counts, self.parts)[:, None]
+        return np.asarray(scipy.linalg.null_space(shown.T))
 
     @property
     def parts(self) -> int:
@@ -273,20 +279,16 @@ class GroupEffect(AbstractEffect):
 
     @property
     def size(self) -> int:
-        return int(self.contrast.shape[1]) * self.parts
+        return int(self.by_group.shape[1])
 
     @property
     def prior(self) -> AbstractPrior:
         return NoPrior(self.size)
 
     def design(self, readings: Readings) -> Design:
-        shares = self.contrast[readings.inputs["run"]]
+        run, groups = readings.inputs["run"], len(self.counted)
+        shares = self.by_group[run]
         if self.trend is not None:
             place = readings.inputs[self.trend][:, None]
-            shares = np.hstack([shares, shares * place])
+            shares = shares + self.by_group[groups + run] * place
         return np.broadcast_to(np.arange(self.size), shares.shape), shares
-
-    @property
-    def by_group(self) -> Float[np.ndarray, "pg c"]:
-        """Offsets, then trends, of each group, by unknowns."""
-        return np.kron(np.eye(self.parts), self.contrast)

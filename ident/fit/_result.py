@@ -4,7 +4,9 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+import scipy.linalg
 import scipy.sparse as sp
+import scipy.sparse.linalg
 from jaxtyping import Bool, Float, Int
 from scipy.ndimage import maximum_filter, median
 from scipy.special import ndtri, stdtr, stdtrit
@@ -44,6 +46,9 @@ _TORN, _STEPS, _RUNS, _IN_A_ROW, _EVEN = 8.0, 3.0, 3, 4, 2.0
 """Robust deviations, and steps of the instrument, by which readings of a run lie off the others;
 runs that tell that, and how many readings one after the other; from one to the next at most so
 many times as far."""
+_RIDGE, _EXACT, _HARDLY = 1e-9, 1e-6, 0.05
+"""Holds nodes without readings; shares of an offset and of a drift, that a table leaves of it, up
+to which the table does it as well."""
 ALIKE = (
     "Readings of a run that follow each other err alike (heat, air): the standard deviations "
     "are no smaller than those of the mean of the runs."
@@ -204,6 +209,55 @@ def _run_effects(
     )
 
 
+def kept_by_table(
+    table: TableEffect, readings: Readings, drift: bool
+) -> Float[np.ndarray, "pg k"]:
+    """Return the offsets, then drifts, of runs that a table does as well, orthonormal columns.
+
+    A mean offset is the constant of the table. A drift that all runs share is a slope of it
+    where all go the same way over their places; where they go there and back it is that slope
+    upward and its opposite downward. Of what readings hardly tell apart the table keeps it.
+
+    Args:
+        table: Beside the runs.
+        readings: With the number of the run of each, and its place within it for drifts.
+        drift: Whether the runs have one.
+    """
+    run, count = readings.inputs["run"], len(readings.value)
+    index, weights = table.design(readings)
+    rows = np.repeat(np.arange(count), index.shape[1])
+    shape = count, table.size
+    nodes = sp.csr_array((weights.ravel(), (rows, index.ravel())), shape=shape)
+    normal = sp.csc_array(nodes.T @ nodes + _RIDGE * sp.eye_array(table.size))
+    solve = scipy.sparse.linalg.splu(normal).solve
+
+    def beside(columns: sp.csr_array) -> tuple[np.ndarray, np.ndarray]:
+        """Return the sums of columns, and those of what the table leaves of them."""
+        own, shared = (columns.T @ columns).toarray(), (nodes.T @ columns).toarray()
+        return own, own - shared.T @ solve(shared)
+
+    each = sp.csr_array((np.ones(count), (np.arange(count), run)))
+    groups = each.shape[1]
+    if not drift:
+        return _null(*beside(each), _EXACT)
+    place = sp.csr_array(each * readings.inputs["order"][:, None])
+    own, left = beside(sp.csr_array(sp.hstack([each, place])))
+    first, last = slice(groups), slice(groups, None)
+    offsets = _null(own[first, first], left[first, first], _EXACT)
+    inverse = np.linalg.pinv(left[first, first], rcond=_EXACT, hermitian=True)
+    beyond = left[last, last] - left[last, first] @ inverse @ left[first, last]
+    drifts = _null(own[last, last], beyond, _HARDLY)
+    return np.asarray(scipy.linalg.block_diag(offsets, drifts))
+
+
+def _null(
+    own: Float[np.ndarray, "g g"], left: Float[np.ndarray, "g g"], least: float
+) -> Float[np.ndarray, "g k"]:
+    """Return the orthonormal combinations of columns of which less than a share is left."""
+    shares, vectors = scipy.linalg.eigh(left, own + _RIDGE * np.eye(len(own)))
+    return np.linalg.qr(vectors[:, shares < least])[0]
+
+
 def far_runs(runs: Sequence[RunEffect]) -> tuple[int, ...]:
     """Return runs that lie further off the others than those of one machine in a thousand.
 
@@ -238,7 +292,10 @@ def doubt_of_means(runs: Sequence[RunEffect]) -> tuple[float, float]:
     values = np.array([[run.offset, run.drift] for run in runs])
     deviations = np.array([[run.offset_sd, run.drift_sd] for run in runs])
     noise = np.square(deviations).sum(axis=0) / (count - 1)
-    between = np.maximum(values.var(axis=0, ddof=1) - noise, 0.0)
+    values[:, 0] -= values[
+        :, 0
+    ].mean()  # those of drifts are what the table did not keep
+    between = np.maximum(np.square(values).sum(axis=0) / (count - 1) - noise, 0.0)
     factor = 0.5 * float(stdtrit(count - 1, _TWO_SIGMA))
     offset, drift = (factor * np.sqrt(between / count)).tolist()
     return offset, drift

@@ -32,6 +32,7 @@ from ._result import (
     Judged,
     doubt_of_curves,
     far_runs,
+    kept_by_table,
     nearest_nodes,
     none_left_out,
     residual_of,
@@ -211,8 +212,17 @@ class _InMemory:
         """Return the table, and effects of the runs; some do not count in their mean."""
         table, counted = self.layout, ~np.isin(self.labels, far)
         trend = "order" if self.run_effects == "drift" else None
-        runs = (GroupEffect(counted, trend),) if len(counted) else ()
+        if not len(counted):
+            return Stack((table,), table.size > _DENSE)
+        runs = (GroupEffect(counted, trend, self.kept),)
         return Stack((table, *runs), table.size > _DENSE)
+
+    @cached_property
+    def kept(self) -> Float[np.ndarray, "pg k"]:
+        """Effects of the runs that the table does as well."""
+        return kept_by_table(
+            self.layout, self.samples.readings, self.run_effects == "drift"
+        )
 
     def medians(self, values: Float[np.ndarray, " t"]) -> Float[np.ndarray, " r"]:
         """Return the median of each run."""
@@ -228,7 +238,7 @@ class _InMemory:
             offset = self.medians(error) - start[0]
             runs = start[stack.here(-1)]
             runs[:] = 0.0
-            runs[: effect.contrast.shape[1]] = effect.contrast.T @ offset
+            runs[:] = effect.by_group[: len(offset)].T @ offset
         over, weights = memory(stack, readings), fixed_weights(self.smoothness)
         # A reading that is off by a step of the instrument is none that is wild.
         floor = max(least_scale(error), self.steps.size)

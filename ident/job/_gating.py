@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from ...data.lists import ListFile
 from ..proof import GateCheck, choose_cycles, error_figures, gate_check
-from ..proof.axis import largest_step, switching_cycles
+from ..proof.axis import MOST_CYCLES, largest_step, switching_cycles
 from .file._load import Job
 from .result._result import Remark
 from .result._verdict import GAIN
@@ -51,6 +51,7 @@ def spread_over(
 def switching_remarks(draft: "TableDraft") -> Iterator[Remark]:
     """Yield what the user must know of switching a table; nothing where it is small."""
     axis, jump, limit = draft.axis, draft.jump, draft.job.spec.gate.max_switching
+    yield from _old_table_remarks(draft, limit)
     if largest_step(jump, 0) <= limit:
         return
     unit, spread = draft.job.spec.axes[axis].unit, draft.kind.cycles
@@ -70,12 +71,33 @@ def switching_remarks(draft: "TableDraft") -> Iterator[Remark]:
     advice = "n_cycles can be no larger"
     if cycles < (switching_cycles(jump, limit) or 0):
         advice = "leave n_cycles out of the job, and it is chosen"
-    words += (
-        f" That is more than max_switching ({limit:g} {unit}): {advice}. Else move the zero"
-        f" of the table to where {axis} is homed (datum), so that less comes at once, or"
-        " raise max_switching in [gate] if the builder of the machine allows it."
-    )
+    words += f" That is more than max_switching ({limit:g} {unit}): {advice}. Else"
+    half = 0.5 * float(np.ptp(draft.offset))
+    if largest_step(half, MOST_CYCLES if spread is not None else 0) <= limit:
+        words += (
+            f" take a datum where the table is halfway between its least and its largest value,"
+            f" so that it adds {half:.4g} {unit} at most, or"
+        )
+    words += " raise max_switching in [gate] if the builder of the machine allows it."
     yield Remark.warning(words)
+
+
+def _old_table_remarks(draft: "TableDraft", limit: float) -> Iterator[Remark]:
+    """Yield how an old table goes at a reload, which the new list does not spread."""
+    old, entries = draft.plan.old_offset, draft.kind.cycles
+    if old is None or entries is None or not draft.plan.active:
+        return
+    listing = draft.lists.compensation
+    cycles = (listing and listing.integer(entries[0])) or 0
+    largest = float(np.abs(old).max())
+    cycles = cycles if cycles <= MOST_CYCLES else 0
+    if (step := largest_step(largest, cycles)) > limit:
+        unit = draft.job.spec.axes[draft.axis].unit
+        yield Remark.warning(
+            f"Where the list is reloaded while the old {draft.kind.name} table acts, the old one"
+            f" goes by its own {entries[0]} ({cycles}): up to {step:.3g} {unit} in one cycle, more"
+            f" than max_switching ({limit:g} {unit}). Reload it with the drives off, or restart."
+        )
 
 
 def fit_checks(draft: "AbstractDraft") -> Iterator[GateCheck]:

@@ -162,7 +162,7 @@ def measure_again(
         for fit in result.fits
     ]
     found: list[SecondMeasurement | None] = []
-    for draft, fit, figures in zip(drafts, result.fits, figures_of, strict=True):
+    for draft, fit in zip(drafts, result.fits, strict=True):
         readings = None
         names = [name for name, axes in measured.items() if fit.axis in axes]
         names = [name for name in draft.fit.sources if name in names] or names
@@ -184,10 +184,13 @@ def measure_again(
                 )
             except AxcompError as error:
                 remarks.append(Remark.warning(f"Not measured again: {error}"))
+        found.append(readings)
+    for draft, readings, figures in zip(drafts, found, figures_of, strict=True):
         if readings and draft.foreseen is not None and "predicted" in figures:
             unit, best = job.spec.axes[draft.axis].small_unit, figures["predicted"]
-            readings.check_scatter(draft.foreseen.before, best.sound.rms, unit)
-        found.append(readings)
+            foreseen = draft.foreseen.before, best.sound.rms
+            alone = sum(one.axis == draft.axis for one in drafts) == 1
+            readings.check_scatter(*foreseen, unit, alone=alone)
     left = {
         fit.axis: figures["predicted"].sound.rms
         for fit, figures in zip(result.fits, figures_of, strict=True)
@@ -223,16 +226,32 @@ def measure_again(
 def _beside(fit: AbstractResult, fits: Sequence[AbstractResult]) -> AbstractResult:
     """Return a fit with the wrong fits of its axis, where it is not and its error stays large."""
     again = fit.again
-    if again is None or again.is_wrong:
+    if again is None:
         return fit
-    wrong = tuple(
-        other.compensation
+    others = {
+        other.compensation: other.again
         for other in fits
-        if other.axis == fit.axis and other.again is not None and other.again.is_wrong
-    )
+        if other.axis == fit.axis and other is not fit and other.again is not None
+    }
+    wrong = {name: other for name, other in others.items() if other.is_wrong}
+    if again.is_wrong:
+        # What a list does beside another one that is known to be wrong is no "other" fault.
+        named = {
+            name: other for name, other in wrong.items() if _told(other) != "other"
+        }
+        if _told(again) != "other" or not named:
+            return fit
+        again, wrong = dataclasses.replace(again, diagnosis=None), named
+    elif not wrong and _told(again) == "right":
+        wrong = {name: other for name, other in others.items() if not other.acts}
     if not wrong or again.rms is None or again.rms <= LESS * again.predicted:
         return fit
-    return dataclasses.replace(fit, again=dataclasses.replace(again, beside=wrong))
+    beside = dataclasses.replace(again, beside=tuple(wrong))
+    return dataclasses.replace(fit, again=beside)
+
+
+def _told(again: MeasuredAgain) -> str | None:
+    return None if again.diagnosis is None else again.diagnosis.verdict
 
 
 def _with_factors(

@@ -216,9 +216,9 @@ def switching_cycles(
 ) -> int | None:
     """Return over how many cycles a jump is to be spread, or None: as it is.
 
-    As `choose_cycles`, by the largest step alone; an existing number may be abrupt. Jump and
-    largest step are in mm or °.
+    As `choose_cycles`, by the largest step alone; an existing number may be abrupt, but must be
+    one that the controller takes. Jump and largest step are in mm or °.
     """
-    if largest_step(jump, existing or 0) <= max_step:
+    if largest_step(jump, existing or 0) <= max_step and 0 <= (existing or 0) <= most:
         return None
     return choose_cycles(jump, 1.0, max_step, math.inf, most=most)

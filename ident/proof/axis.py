@@ -18,6 +18,7 @@ from ...models import AbstractLookup
 from ..exchange import LIST_UNITS, AxisLists, Motion, reversal_cycles
 from ._dynamics import GateTable
 from ._gate import (
+    MOST_CYCLES as MOST_CYCLES,
     GateCheck,
     GateLimits,
     check_switching as check_switching,

@@ -290,6 +290,18 @@ def test_a_wild_reading_changes_nothing() -> None:
     assert draw(effect, SIZE / 3, np.random.default_rng(6)).verdict == "sign"
 
 
+def test_wild_readings_at_places_that_were_read_twice_change_nothing() -> None:
+    places = NODES[::2]
+    twice, rng = np.tile(places, 2), np.random.default_rng(9)
+    before, after = (
+        [Measured(1, {1: twice}, values + 1e-3 * rng.normal(size=twice.size), None)]
+        for values in (error(twice), 0.0 * twice)
+    )
+    after[0].error[[0, 13, 26]] += 0.3
+    (found,) = diagnose([LIST], before, after, Reading(Conventions()))
+    assert found.verdict == "right"
+
+
 def test_places_of_the_second_measurement_may_be_others() -> None:
     rng = np.random.default_rng(7)
     places = np.tile(np.arange(3.0, 799.0, 7.0), 5)

@@ -458,3 +458,28 @@ def test_a_third_of_wild_readings_is_told_and_doubted(seed: int) -> None:
     # One third of 0.1 mm, to one side, moves a mean by 33 µm.
     off = np.abs(fit.values - TRUTH)
     assert (off < 2.0 * fit.standard_deviation).mean() > 0.8
+
+
+@pytest.mark.parametrize("passes", [2, 3, 4, 5])
+def test_passes_there_and_back_as_runs_of_their_own_leave_the_slope_of_the_table(
+    passes: int,
+) -> None:
+    rng = np.random.default_rng(5)
+    ways = [1 - 2 * (k % 2) for k in range(passes)]
+    position = np.concatenate([TARGETS[::way] for way in ways])
+    run = np.repeat(np.arange(passes), len(TARGETS))
+    order = np.tile(np.linspace(0.0, 1.0, len(TARGETS)), passes)
+    # The ends of the directions differ by 4 µm: each reading grows with the order of its run.
+    error = truth(position, 0) + 0.004 * (order - 0.5)
+    error += 5e-4 * rng.standard_normal(len(error))
+    layout = TableEffect((NODES,))
+    fit = fit_table(
+        layout, Samples(position[:, None], error, None, run, order), run_effects="drift"
+    )
+    # The mean of the passes: what an odd one has more of lies within a part of the number.
+    lean = 0.004 * sum(ways) / passes * (NODES / 400.0 - 0.5)
+    apart = fit.values.ravel() - truth(NODES, 0) - lean
+    deviation = fit.standard_deviation.ravel()
+    assert np.abs(apart).max() < 4.0 * deviation.max()
+    # Readings of 0.5 µm; one unknown slope made 500 µm of it.
+    assert deviation.max() < 1e-3

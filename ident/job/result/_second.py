@@ -178,11 +178,13 @@ class LeftTrend:
         words: Both, with unit and standard deviation.
         rest: What is left without them, rms in mm or °.
         owned: Its job says whose they are, and not otherwise than the first.
+        fault: They are what the list itself does, with the other flank as the right one.
     """
 
     words: str
     rest: float
     owned: bool
+    fault: bool = False
 
 
 @dataclasses.dataclass(frozen=True)
@@ -257,7 +259,12 @@ class SecondMeasurement:
         return np.asarray(~wild | (wild.mean() > MOST_WILD))
 
     def check_scatter(
-        self, first: Float[np.ndarray, " s"], predicted: float, unit: str
+        self,
+        first: Float[np.ndarray, " s"],
+        predicted: float,
+        unit: str,
+        *,
+        alone: bool,
     ) -> None:
         """Refuse readings too good or too bad to be of the machine: of another unit, or column.
 
@@ -267,6 +274,7 @@ class SecondMeasurement:
             first: Error in the first measurement, in mm or °.
             predicted: Error with the list active, rms likewise, from these.
             unit: Of a thousandth of it.
+            alone: No other list of the axis may add more than it says.
 
         Raises:
             SecondMeasurementError: If they are.
@@ -287,7 +295,8 @@ class SecondMeasurement:
 
         # Such an error that does not follow the list is none that a list makes, whatever it does.
         known = float(np.std(first) + (np.std(self.adds) if self.adds.size else 0.0))
-        if np.isfinite(rest := self._rest) and rest > _COARSER * known:
+        rest = self._rest if alone else np.inf
+        if np.isfinite(rest) and rest > _COARSER * known:
             raise SecondMeasurementError(
                 self.name,
                 f"readings of the error that scatter by {1e3 * rest:.3g} {unit} beside what the"
@@ -398,7 +407,12 @@ class MeasuredAgain:
 
     @property
     def is_wrong(self) -> bool:
-        """Whether the list surely does something else than it says."""
+        """Whether the list surely does something else than it says, or on another flank."""
+        return self.is_misread or (self.trend is not None and self.trend.fault)
+
+    @property
+    def is_misread(self) -> bool:
+        """Whether a diagnosis names what the list does that it does not say."""
         if self.shown or self.diagnosis is None:
             return False
         return self.diagnosis.verdict not in ("right", "cannot tell")

@@ -149,7 +149,7 @@ def _fault_measured(fit: "AbstractResult") -> Reason | None:
     if again is None:
         return None
     excused = bool(again.beside) or (again.trend is not None and not again.trend.owned)
-    if again.is_wrong and (diagnosis := again.diagnosis) is not None:
+    if again.is_misread and (diagnosis := again.diagnosis) is not None:
         fields = {"verdict": diagnosis.verdict, "value": diagnosis.value}
         return Reason(Code.DIAGNOSED, fields)
     # Where no gain was promised only what is plainly worse speaks against the list.

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float
 
-from ...core import FitError
+from ...core import FitError, GroupEffect
 from ...exchange import LIST_UNITS
 from ...fit import (
     RunEffects,
@@ -271,17 +271,42 @@ def _patterns(
     suspects = () if fit.loss == "gauss" else fit.suspect_runs
     aside = {*suspects, *readings.floating}
     runs = [run for run in fit.runs if run.run not in aside]
-    offset, drift = doubt_of_means(runs)
-    ones = np.ones(len(samples.error))
-    means = [offset * ones]
-    if samples.order is not None:
-        means.append(drift * (samples.order - 0.5))
-    for pattern in means if offset or drift else []:
+    doubts = doubt_of_means(runs)
+    for pattern in _kept(samples, fit, aside, doubts) if any(doubts) else []:
         for name, rows in readings.slices.items():
             kind = plan.job.spec.measurements[name].remove
             places = [*samples.positions[rows].T]
             pattern[rows] = without_zero(pattern[rows], places, kind)
         patterns.append(pattern)
+    return patterns
+
+
+def _kept(
+    samples: Samples, fit: TableFit, aside: set[int], doubts: tuple[float, float]
+) -> list[Float[np.ndarray, " t"]]:
+    """Return what a table keeps of the offsets and drifts of runs, at every reading.
+
+    Each as its standard deviation, from those of their means.
+    """
+    alone = [run.run not in aside for run in fit.runs]
+    count, ones = sum(alone), np.ones((len(alone), 1))
+    index, effect = samples.readings.inputs["run"], None
+    if fit.estimate is not None:
+        effect = fit.estimate.posterior.problem.stack.effects[-1]
+    kept = effect.kept if isinstance(effect, GroupEffect) else None
+    offsets, *drifts = (
+        (ones,) if kept is None else np.split(kept, len(kept) // len(alone))
+    )
+    patterns = []
+    for doubt, effects in zip(doubts, (offsets, *drifts), strict=False):
+        counted = effects[:, effects.any(axis=0)] * np.array(alone)[:, None]
+        place = (
+            1.0 if effects is offsets or samples.order is None else samples.order - 0.5
+        )
+        columns = np.linalg.qr(counted)[0].T
+        patterns += [
+            doubt * np.sqrt(count) * place * column[index] for column in columns
+        ]
     return patterns
 
 

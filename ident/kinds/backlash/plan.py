@@ -1,6 +1,7 @@
 """A planned backlash, fitted alone or in a group: judged, written into the axis list, read back."""
 
 import dataclasses
+import math
 from typing import TYPE_CHECKING, final
 
 import jax.numpy as jnp
@@ -38,6 +39,8 @@ if TYPE_CHECKING:
     from ...job.joint._share import Share
     from ...job.write._lists import AxisFiles
 
+_FLANK_ALONE = 0.25
+"""Share of the width up to which the axis lies nowhere else than on one of its flanks."""
 _TARGETS = 60
 """Different positions up to which each has an error of its own."""
 _NODES = 24
@@ -201,7 +204,7 @@ class BacklashDraft(AbstractDraft):
         sides, width = sides_of(draft.share), float(self.share.part.values[0])
         trend, moved_by = None, self._moved(draft)
         unsettled = moved_by is None and FLANK not in self.job.verified
-        moved = moved_by or 0.0
+        moved = 0.0 if moved_by is None or math.isnan(moved_by) else moved_by
         if abs(moved) > 0.5 * abs(width):
             # Nearer to what the other flank as the right one does.
             words = (
@@ -210,7 +213,7 @@ class BacklashDraft(AbstractDraft):
                 " (anwahl_losekomp)"
             )
             rest = float(np.sqrt(np.mean(sides.before[~sides.wild] ** 2)))
-            trend = LeftTrend(words, rest, owned=True)
+            trend = LeftTrend(words, rest, owned=True, fault=True)
         return SecondMeasurement(
             ", ".join(fit.sources),
             sides.position[:, None],
@@ -220,14 +223,15 @@ class BacklashDraft(AbstractDraft):
             added=0.5 * abs(width),
             unseen={"zero": FLANK} if unsettled else {},
             trend=trend,
-            zero=moved_by is not None and trend is None and self._alone,
+            zero=moved_by is not None and not math.isnan(moved_by) and trend is None,
         )
 
     def _moved(self, again: "BacklashDraft") -> float | None:
         """Return by how much the middle of both directions lies beside where it should, in mm.
 
         It moves by half of the width, to the side that is right. None where readings do not tell
-        where the axis lies; 0 where other fits move it too, whose own readings show it.
+        where the axis lies. Beside other lists of the axis that act as they say nothing is left,
+        or the width alone; NaN where more than a constant is left, which theirs have to tell.
         """
         drafts = (self, again)
         specs = [
@@ -235,12 +239,18 @@ class BacklashDraft(AbstractDraft):
         ]
         owned = all(one.remove == "none" and one.datum is None for one in specs)
         acting = {frozenset({*one.active} - {self.compensation}) for one in specs}
-        if owned and not self._alone:
-            return 0.0
-        if not owned or len(acting) > 1:
-            return None
         before, after = (one.middle for one in drafts)
         width = float(self.share.part.values[0])
+        if owned and not self._alone:
+            flank = (
+                abs(after)
+                if abs(after) < 0.5 * abs(width)
+                else abs(abs(after) - abs(width))
+            )
+            sure = max(flank, again.uneven) < _FLANK_ALONE * abs(width)
+            return after if sure else math.nan
+        if not owned or len(acting) > 1:
+            return None
         return after - (before - 0.5 * self.plan.reference * width)
 
     @property
@@ -255,6 +265,16 @@ class BacklashDraft(AbstractDraft):
         rows = np.flatnonzero(self.share.rows)[~self.share.wild]
         error, way = data.error[self.axis][rows], data.direction[self.axis][rows]
         return 0.5 * float(sum(np.median(error[way == sign]) for sign in (1, -1)))
+
+    @property
+    def uneven(self) -> float:
+        """How the readings of both directions change along the axis, rms in mm or °."""
+        data = self.share.recording.data
+        rows = np.flatnonzero(self.share.rows)[~self.share.wild]
+        place, error = data.position[self.axis][rows], data.error[self.axis][rows]
+        at = np.unique(place.round(2), return_inverse=True)[1].reshape(-1)
+        means = np.bincount(at, error) / np.bincount(at)
+        return float(np.std(means))
 
     def prove(self, done: "AxisFiles") -> BacklashResult:
         share, sides = self.share, sides_of(self.share)

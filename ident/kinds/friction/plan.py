@@ -274,7 +274,8 @@ class FrictionDraft(AbstractDraft):
             unit = self.recording.unit
             yield Remark.warning(
                 f"The list misses the law by {missed:.3g} {unit} rms: one unit of its entries"
-                f" is {knots.unit:.3g} {unit}. What it leaves is the error from file."
+                f" is {knots.unit:.3g} {unit}. What it leaves is the error from file. Are"
+                " rated_current and torque_unit right?"
             )
         below = curve.speed[self.level * curve.mean < -knots.unit]
         if len(below):

@@ -6,7 +6,14 @@ from collections.abc import Collection, Mapping, Sequence
 import numpy as np
 from jaxtyping import Float, Int
 
-from ....data.signals import CLOSER, MANY, repeatability, resolution
+from ....data.signals import (
+    CLOSER,
+    MANY,
+    MOST_WILD,
+    repeatability,
+    resolution,
+    wild_readings,
+)
 
 _PLACE = 0.01
 """mm or °: readings that near to each other are of one place."""
@@ -86,6 +93,7 @@ def difference(
     places of its own, the first is interpolated between its own, never beyond, and over the
     axes alone that the lists of the axis follow: what others do is scatter then.
     """
+    before, after = ([_without_wild(one) for one in each] for each in (before, after))
     both = [*before, *after]
     # Only axes whose positions every measurement has.
     every = sorted(set.intersection(*({*one.positions} for one in both)))
@@ -117,6 +125,22 @@ def difference(
         variance=variance,
         readings=matched * 2.0 / variance,
         free=np.stack(nuisance, axis=1),
+    )
+
+
+def _without_wild(measured: Measured) -> Measured:
+    """Return a measurement without lone readings far from all others: a place may have only two."""
+    sound = ~wild_readings(measured.error)
+    if sound.all() or sound.mean() < 1.0 - MOST_WILD:
+        return measured
+    way, late, time = measured.direction, measured.late, measured.time
+    return dataclasses.replace(
+        measured,
+        positions={axis: place[sound] for axis, place in measured.positions.items()},
+        error=measured.error[sound],
+        direction=None if way is None else way[sound],
+        late=None if late is None else late[sound],
+        time=None if time is None else time[sound],
     )
 
 

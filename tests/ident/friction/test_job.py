@@ -275,6 +275,16 @@ def test_entries_too_coarse_for_the_law_are_told(tmp_path: Path) -> None:
     assert any("one unit of its entries" in each.message for each in coarse)
 
 
+def test_a_list_that_rounding_leaves_nothing_of_is_stopped(tmp_path: Path) -> None:
+    record(tmp_path)
+    job = tmp_path / "job.toml"
+    text = friction_job(FULL).replace("torque_unit = 0.001", "torque_unit = 1.0")
+    job.write_text(text)
+    result = run_job(job, tmp_path / "out")
+    failed = {check.name for check in friction(result).gate if not check.passed}
+    assert "from_file" in failed
+
+
 @pytest.mark.parametrize("kind", ["step", "place", "none"])
 def test_a_load_that_steps_and_friction_of_the_place_are_told(
     tmp_path: Path, kind: str

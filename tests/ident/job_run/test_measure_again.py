@@ -757,6 +757,43 @@ def test_a_backlash_with_the_other_flank_is_not_verified(
 
 
 @pytest.mark.parametrize("flank", [1, -1])
+def test_the_other_flank_is_told_beside_a_leadscrew_that_is_right(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], flank: int
+) -> None:
+    rng = np.random.default_rng(4)
+    target = np.tile(np.concatenate([PLACES, PLACES[::-1]]), 3)
+    way = np.tile(np.repeat([1, -1], len(PLACES)), 3)
+    run = np.repeat([1, 2, 3], 2 * len(PLACES))
+    screw = 0.02 * np.sin(target / 60.0) + 0.01 * (way < 0)
+    columns = '"X.position" = "target", "X.error" = "error", "X.direction" = "way", run = "run"'
+    head = '[axes.X]\nnumber = 1\n[measurements.m]\nremove = "none"\n'
+    for name, error, active in (
+        ("first", screw, "[]"),
+        ("again", np.full(len(way), 0.01 * (flank < 0)), '["leadscrew", "backlash"]'),
+    ):
+        noisy = error + 3e-4 * rng.standard_normal(len(way))
+        table(tmp_path / f"{name}.csv", "target,error,run,way", target, noisy, run, way)
+        (tmp_path / f"{name}.toml").write_text(
+            f'{head}file = "{name}.csv"\nactive = {active}\ncolumns = {{ {columns} }}\n'
+            '[[fits]]\ncompensation = "leadscrew"\naxis = "X"\nmeasurement = "m"\n'
+            "start = 0.0\ninterval = 25.0\npoints = 17\n"
+            '[[fits]]\ncompensation = "backlash"\naxis = "X"\nmeasurement = "m"\n'
+        )
+    job = tmp_path / "first.toml"
+    assert fit(job) == 0
+    assert fit(job, "--after", str(tmp_path / "again.toml")) == (flank < 0)
+    lines, play = result(job)["fits"]
+    said = " ".join(capsys.readouterr().out.split())
+    assert ("Take the other flank as the right one" in said) == (flank < 0)
+    if flank > 0:
+        assert [lines["verdict"], play["verdict"]] == ["good", "good"]
+        assert "backlash_reference = 1" in said
+    else:
+        assert play["verdict"] == "rejected"
+        assert lines["reasons"][0] == {"code": "beside", "compensations": ["backlash"]}
+
+
+@pytest.mark.parametrize("flank", [1, -1])
 def test_a_backlash_whose_flank_no_zero_shows_is_verified_in_part(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], flank: int
 ) -> None:

@@ -116,6 +116,24 @@ def test_no_smaller_number_of_cycles_would_do() -> None:
         assert largest_step(jump, cycles) <= 0.02 < largest_step(jump, cycles - 1)
     assert switching_cycles(0.019, 0.02) is None
     assert switching_cycles(0.9, 0.02) == 20
+    # The controller takes 20 at most, and none beyond.
+    assert switching_cycles(0.12, 0.02, 25) == switching_cycles(0.12, 0.02)
+    assert switching_cycles(0.01, 0.02, 25) == 2
+
+
+@pytest.mark.parametrize(("cycles", "told"), [(0, True), (2, True), (20, False)])
+def test_a_reload_while_an_old_table_acts_goes_by_the_cycles_of_the_old_one(
+    tmp_path: Path, cycles: int, told: bool
+) -> None:
+    edge(tmp_path, size=0.12)
+    old = cross_list(size=0.11).replace("n_cycles 20", f"n_cycles {cycles}")
+    (tmp_path / "z.lis").write_text(old)
+    (tmp_path / "zm.lis").write_text("kopf.achs_nr 3\nlr_param.crosscomp 1\n")
+    axes = AXES + 'list = "z.lis"\nmachine_data = "zm.lis"\n'
+    fit(tmp_path, axes + measured("edge", 'active = ["cross"]') + CROSS)
+    result = json.loads((tmp_path / "out" / "result.json").read_text())
+    said = " ".join(r["message"] for r in result["fits"][0]["remarks"])
+    assert ("Reload it with the drives off" in said) == told
 
 
 def test_abrupt_table_of_the_list_is_named_with_the_value_to_set(
