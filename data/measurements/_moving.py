@@ -16,6 +16,7 @@ from ..signals import (
     first_motion,
     motion_of,
     noise_of,
+    scatter_of,
     standing,
     travel_direction,
 )
@@ -35,6 +36,8 @@ _TOLD = 5e-4
 """Share of rows left out from which on it is told."""
 _LATE = 5.0
 """Standard deviations from which on a delay of stated errors is one."""
+_STILL, _FLICKER = 0.02, 12.0
+"""mm or °, and deviations of its noise, within which an axis stands, however it flickers."""
 _AT_REST = 1e-3
 """mm/s or °/s: an axis that never moves faster stands."""
 
@@ -54,6 +57,10 @@ def is_log(measurement: Measurement, axis: str) -> bool:
     place = _place(measurement, axis)
     if place is None:
         return False
+    finite = place[np.isfinite(place)]
+    span = float(np.ptp(finite)) if finite.size > _LEAST else np.inf
+    if span < _STILL and span <= _FLICKER * scatter_of(finite):
+        return False  # an encoder that flickers about one place
     fast = np.abs(np.diff(place)) > _AT_REST * np.maximum(steps, 1e-9)
     # A target at standstill changes in one row and holds for many.
     return bool(fast.any())

@@ -67,6 +67,7 @@ from ._noise import (
     noise_of as noise_of,
     repeatability as repeatability,
     resolution as resolution,
+    scatter_of as scatter_of,
 )
 from ._order import median as median, quantile as quantile
 from ._strokes import signs_at_one_place as signs_at_one_place

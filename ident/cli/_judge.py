@@ -2,9 +2,11 @@
 
 import dataclasses
 import datetime
-from collections.abc import Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from ._console import note, print_result, working
 from ._options import (
@@ -21,7 +23,7 @@ from ._options import (
 
 if TYPE_CHECKING:
     from ..exchange import StoredConventions
-    from ..proof import Verdict, Verification
+    from ..proof import Measured, Verdict, Verification
 
 
 def verify(
@@ -117,6 +119,41 @@ def _save(path: Path, stored: "StoredConventions", answer: "Verification") -> No
     note(f"{name} was settled otherwise before; the new log counts." for name in turned)
 
 
+def _parts_seen(
+    before: Sequence["Measured"],
+    after: Sequence["Measured"],
+    judged: Collection[int],
+    names: Mapping[int, str],
+) -> Iterator[str]:
+    """Yield of which part of the travel the second measurement shows nothing, by axis."""
+    from ..job.result._second import part_of
+
+    for axis in sorted(judged):
+        every = [[one for one in each if one.axis == axis] for each in (before, after)]
+        shared = set.intersection(*({*one.positions} for each in every for one in each))
+        first, second = (
+            {
+                k: np.concatenate([one.positions[k] for one in each])
+                for k in sorted(shared)
+            }
+            for each in every
+        )
+        travel = {k: float(np.ptp(place)) for k, place in first.items()}
+        far = [
+            k for k in travel if k in names and travel[k] > 0.1 * max(travel.values())
+        ]
+        if not far:
+            continue
+        old, new = (
+            np.stack([each[k] for k in far], axis=1) for each in (first, second)
+        )
+        if part := part_of([names[k] for k in far], old, new):
+            yield (
+                f"{names.get(axis, f'A{axis}')}: the second measurement shows {part[0]} ="
+                f" {part[1]:.6g} to {part[2]:.6g} only; what the lists do beyond is not judged"
+            )
+
+
 def doctor(
     files: list[Path],
     *,
@@ -150,7 +187,8 @@ def doctor(
         outside = read_outside(old), read_outside(new)
         diagnoses = diagnose(lists, *outside, new.reading, names=names)
     missing = unlisted(lists, *outside, new.conventions, names)
-    note((*not_judged(lists, new.conventions, names), *missing), "")
+    parts = _parts_seen(*outside, {each.axis for each in diagnoses}, names)
+    note((*not_judged(lists, new.conventions, names), *missing, *parts), "")
     keys = ("compensation", "verdict", "value", "sentence")
     trees = [
         {"axis": names.get(answer.axis, f"A{answer.axis}")}

@@ -120,10 +120,17 @@ def plan_second(
                 f"The second measurement of [verify] ({name}) does not count: {other}"
             )
             return None, (Remark.warning(words),)
-        date = datetime.date.today().isoformat()
+        date, notes = datetime.date.today().isoformat(), tuple[Remark, ...]()
         if earlier is not None and earlier["inputs"] == _hashes(after):
             date = earlier["date"]
-        return Second(after, name, date, lists), ()
+        elif earlier is not None and earlier["file"] != name:
+            words = (
+                f"{name} takes the place of the second measurement of {earlier['date']}"
+                f" ({earlier['file']}): what only that one showed is not called verified any"
+                " more. Name the measurements of both in one job to keep it."
+            )
+            notes = (Remark.warning(words),)
+        return Second(after, name, date, lists), notes
     assert earlier is not None
     name, why = str(earlier["file"]), "the lists have changed since"
     if earlier["lists"] == lists:

@@ -10,6 +10,7 @@ from axcomp.data.measurements import (
     MeasurementError,
     MissingRole,
     derive_motion,
+    is_log,
     measurement,
     on_even_clock,
     read_table,
@@ -101,3 +102,11 @@ def test_samples_of_an_even_clock_are_even_however_they_were_stamped(
     # What was taken at uneven times stands where it was then.
     uneven = load(tmp_path, time=late, X_encoder=encoder(late))
     assert on_even_clock(uneven, "X") is uneven
+
+
+def test_an_encoder_that_flickers_about_one_place_is_no_motion(tmp_path: Path) -> None:
+    rng = np.random.default_rng(3)
+    still = 50.0 + 3e-4 * rng.standard_normal(TIME.size)
+    found = load(tmp_path, time=TIME, X_encoder=10.0 * TIME, Y_encoder=still)
+    assert is_log(found, "X")
+    assert not is_log(found, "Y")

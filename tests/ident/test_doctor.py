@@ -469,6 +469,34 @@ def test_the_command_needs_no_fits_and_its_status_says_whether_all_is_right(
     assert '"verdict"' in capsys.readouterr().out
 
 
+def test_an_axis_measured_beside_the_one_with_the_list_has_none_and_need_not(
+    shop: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_job(shop, "before", 0.0)
+    write_job(shop, "after", 1.0)
+    for name in ("before", "after"):
+        job, table = shop / f"{name}.toml", shop / f"{name}.csv"
+        head, *rows = table.read_text().splitlines()
+        table.write_text("\n".join([head + ",Y.error", *(f"{r},0.001" for r in rows)]))
+        active = '["leadscrew"]' if name == "after" else "[]"
+        job.write_text(job.read_text() + f"active = {active}\n[axes.Y]\nnumber = 2\n")
+    assert main([*DOCTOR, "--after", "after.toml"]) == 0
+    assert "not judged" not in capsys.readouterr().err
+
+
+def test_a_part_of_the_travel_is_said_to_be_no_more(
+    shop: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_job(shop, "before", 0.0)
+    write_job(shop, "after", 1.0)
+    table = shop / "after.csv"
+    head, *rows = table.read_text().splitlines()
+    near = [row for row in rows if float(row.split(",")[0]) < 400.0]
+    table.write_text("\n".join([head, *near]))
+    assert main([*DOCTOR, "--after", "after.toml"]) == 0
+    assert "shows X = 0 to 390 only" in " ".join(capsys.readouterr().err.split())
+
+
 def test_what_was_switched_and_no_list_has_is_not_called_right(
     shop: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -239,10 +239,17 @@ def plan(tables: Tables, index: int, fit: TableSpec) -> Plan:
                     f" as a measurement whose active has no {fit.compensation}",
                 )
             if masters != table.masters:
+                known = {axis.number: name for name, axis in job.spec.axes.items()}
+                stated, there = (
+                    " and ".join(known.get(number, f"axis {number}") for number in each)
+                    for each in (table.masters, masters)
+                )
                 raise job.error(
                     where,
-                    f"found masters {list(table.masters)}, expected"
-                    f" {list(masters)} as in the active table of {existing.source}",
+                    f"found a {fit.compensation} over {stated}, expected one over {there} as in"
+                    f" the active table of {existing.source}, for which there is one place in a"
+                    " list: fit over these axes, or measure with the old table off (active = []),"
+                    " and the new one takes its place",
                 )
             refuse_lost_nodes(table, old, existing.source)
         elif holder is not None and set(masters) != set(table.masters):

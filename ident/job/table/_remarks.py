@@ -48,6 +48,8 @@ _OVERRUN = 0.01
 
 _COPIED = 8
 """Different readings from which on it is no chance that all of them come again."""
+_DOUBTED = 2.0
+"""Deviation of a node, in the usual one, from which on it is doubted by readings that agree."""
 _MOST, _MOST_WILD = 6, 20
 """Nodes, and wild readings, that are named one by one."""
 
@@ -109,7 +111,9 @@ def fit_remarks(
             f" instrument, the table is off there by up to {draft.small(lost)}, which its"
             " standard deviations hold. Measure there again."
         )
-        words += "." + again * (lost > SEEN * fit.noise)
+        # A doubt that all nodes have in common is none of these readings.
+        usual = float(np.median(fit.standard_deviation[fit.support > 0]))
+        words += "." + again * (lost > max(SEEN * fit.noise, _DOUBTED * usual))
         yield Remark.warning(f"Readings contradict their surroundings at {words}")
     yield from run_remarks(draft)
     if not fit.runs and draft.run_effects == "none":

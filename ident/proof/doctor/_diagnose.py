@@ -167,16 +167,20 @@ def unlisted(
     conventions: Conventions,
     names: Mapping[int, str],
 ) -> tuple[str, ...]:
-    """Return a line for each compensation that was switched, and that no list has."""
-    known = {(use.axis, use.name) for use in machine_lists(lists).in_use(conventions)}
+    """Return a line for each compensation that was switched, and that no list has.
+
+    What is stated as active is so of a measurement, which may show axes that have no such list
+    beside the one that has.
+    """
+    known = {use.name for use in machine_lists(lists).in_use(conventions)}
     states = [
-        {(one.axis, name) for one in measured for name in one.active or ()}
+        {(one.axis, name) for one in measured for name in {*(one.active or ())} - known}
         for measured in (before, after)
     ]
     return tuple(
         f"{names.get(axis, f'A{axis}')} {name}: not judged: it was switched between the"
         " measurements (active), and none of the lists has it; give the one that does"
-        for axis, name in sorted((states[0] ^ states[1]) - known)
+        for axis, name in sorted(states[0] ^ states[1])
         if not kind(name).unseen
     )
 
@@ -245,7 +249,9 @@ def _doubt(
             " instrument"
         )
     if ranked[0] == "cannot tell" and abs(factor) < 0.3:
-        return "it does nothing to any axis that was measured; is it active?"
+        return (
+            "nothing of what it says shows in any axis that was measured; is it active?"
+        )
     if ranked[0] == "cannot tell":
         return (
             f"what it does is {factor:.2g} times what the list says, which"

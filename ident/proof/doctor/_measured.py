@@ -93,7 +93,6 @@ def difference(
     places of its own, the first is interpolated between its own, never beyond, and over the
     axes alone that the lists of the axis follow: what others do is scatter then.
     """
-    before, after = ([_without_wild(one) for one in each] for each in (before, after))
     both = [*before, *after]
     # Only axes whose positions every measurement has.
     every = sorted(set.intersection(*({*one.positions} for one in both)))
@@ -125,22 +124,6 @@ def difference(
         variance=variance,
         readings=matched * 2.0 / variance,
         free=np.stack(nuisance, axis=1),
-    )
-
-
-def _without_wild(measured: Measured) -> Measured:
-    """Return a measurement without lone readings far from all others: a place may have only two."""
-    sound = ~wild_readings(measured.error)
-    if sound.all() or sound.mean() < 1.0 - MOST_WILD:
-        return measured
-    way, late, time = measured.direction, measured.late, measured.time
-    return dataclasses.replace(
-        measured,
-        positions={axis: place[sound] for axis, place in measured.positions.items()},
-        error=measured.error[sound],
-        direction=None if way is None else way[sound],
-        late=None if late is None else late[sound],
-        time=None if time is None else time[sound],
     )
 
 
@@ -197,15 +180,18 @@ def _places(
     values = np.concatenate([one.error for one in measured])
     places, at = np.unique(np.concatenate(rows), axis=0, return_inverse=True)
     several = len(measured) + 1
-    levels, at, counts = np.unique(
-        at.ravel() * several + np.concatenate(zeros),
-        return_inverse=True,
-        return_counts=True,
+    levels, at = np.unique(
+        at.ravel() * several + np.concatenate(zeros), return_inverse=True
     )
-    # One wild reading among several must not count.
-    middle = median(values, at, np.arange(len(counts)))
+    # A wild reading does not count beside another one of its place; alone it may be the list.
+    wild = wild_readings(values)
+    sound = ~wild if wild.mean() <= MOST_WILD else np.ones(len(values), bool)
+    sound |= np.bincount(at, sound)[at] == 0
+    counts = np.bincount(at, sound)
+    middle = median(values[sound], at[sound], np.arange(len(counts)))
     mean, drawn = (
-        np.bincount(at, column) / counts for column in (values, np.concatenate(late))
+        np.bincount(at, column * sound) / counts
+        for column in (values, np.concatenate(late))
     )
     level = np.where(counts > _SEVERAL, middle, mean)
     place, zero = np.divmod(levels, several)

@@ -538,6 +538,19 @@ def test_new_lists_are_written_where_the_named_measurement_is_of_old_ones(
     assert "load its lists and measure again" in said
 
 
+def test_another_second_measurement_says_whose_place_it_takes(
+    job: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    after = after_job(job.parent, 1.0)
+    assert fit(job, "--after", str(after)) == 0
+    assert "takes the place of" not in capsys.readouterr().out
+    again = job.parent / "again.toml"
+    laser(job.parent / "again.csv", 1.0, seed=21)
+    again.write_text(after.read_text().replace("after.csv", "again.csv"))
+    assert fit(job, "--after", str(again)) == 0
+    assert "again.toml takes the place of" in " ".join(capsys.readouterr().out.split())
+
+
 def test_sign_that_a_log_settled_is_not_turned_by_an_instrument(
     job: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
