@@ -121,7 +121,7 @@ def _print(console: "Console", discovery: "Discovery") -> None:
         ]
         title = (
             f"{axis.channel} of {axis.axis}: {_amount(axis.rms, axis.unit)} rms in"
-            f" {axis.rows} readings, {_amount(axis.noise, axis.unit)} of it scatter"
+            f" {axis.rows} readings, {_amount(min(axis.noise, axis.rms), axis.unit)} of it scatter"
         )
         print_line(console, title if mine else f"{title}: no compensation found")
         rows = [

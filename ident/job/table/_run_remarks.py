@@ -31,7 +31,7 @@ def run_remarks(draft: "TableDraft") -> Iterator[Remark]:
         yield Remark.warning(f"Contradicts the other runs, and {counts}: run {runs}.")
     yield from _torn_remarks(draft)
     yield from _zero_of_each_direction(draft)
-    if fit.runs:
+    if len(fit.runs) > 1:
         largest = max(abs(run.offset) for run in fit.runs)
         effect = "offset and drift" if draft.run_effects == "drift" else "offset"
         yield Remark.info(
