@@ -233,8 +233,9 @@ def test_axis_whose_list_cannot_be_read_is_not_let_out(
     assert "switch its compensation off in the axis list" in said
 
 
+@pytest.mark.parametrize("times", [-1.0, 100.0])
 def test_right_list_beside_a_wrong_one_is_not_to_be_taken_out(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], times: float
 ) -> None:
     edge(tmp_path)
     x, y = (np.tile(each.ravel(), 2) for each in np.meshgrid(X, Y))
@@ -244,7 +245,7 @@ def test_right_list_beside_a_wrong_one_is_not_to_be_taken_out(
     text = AXES + measured("edge") + measured("probe") + CROSS + PLANE
     assert fit(tmp_path, text) == 0
     listing = ListFile.read(tmp_path / "out" / "achskw3.lis")
-    adds = plane_by_hand(listing, x, y) - cross_by_hand(listing, y)
+    adds = plane_by_hand(listing, x, y) + times * cross_by_hand(listing, y)
     again = sag(x, y) + bump + adds + noise[1]
     table(tmp_path / "again.csv", "x,y,dz", x, y, again)
     more = 'active = ["cross", "plane"]'
