@@ -4,12 +4,10 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-import scipy.linalg
 import scipy.sparse as sp
-import scipy.sparse.linalg
 from jaxtyping import Bool, Float, Int
 from scipy.ndimage import maximum_filter, median
-from scipy.special import ndtri, stdtr, stdtrit
+from scipy.special import ndtri, stdtrit
 
 from ...data.signals import NORMAL, independent, resolution
 from ..core import (
@@ -26,6 +24,7 @@ from ..core import (
     sums_of,
 )
 from ..core._readings import Vector
+from ._runs import TWO_SIGMA
 from ._types import RunEffect, Samples, TableFit
 
 _NOTHING, _HOPELESS = 1e-12, 1e3
@@ -35,10 +34,6 @@ _TRUSTED = 0.5
 """A node whose nearest readings keep less than this share of their weight is named."""
 _CHANCE = 0.01
 """That any lone reading of sound ones is named."""
-_TWO_SIGMA = 0.97725
-"""Share of a normal variable below two standard deviations."""
-_FAR = 1e-3
-"""Chance of any run at all being as far off the others, below which it is named."""
 _ALIKE, _FEWEST = 2.0, 20
 """Readings beside each other of which one alone is news, from which on runs err along their way;
 how many, beyond those that the table takes, tell it."""
@@ -46,9 +41,6 @@ _TORN, _STEPS, _RUNS, _IN_A_ROW, _EVEN = 8.0, 3.0, 3, 4, 2.0
 """Robust deviations, and steps of the instrument, by which readings of a run lie off the others;
 runs that tell that, and how many readings one after the other; from one to the next at most so
 many times as far."""
-_RIDGE, _EXACT, _HARDLY = 1e-9, 1e-6, 0.05
-"""Holds nodes without readings; shares of an offset and of a drift, that a table leaves of it, up
-to which the table does it as well."""
 ALIKE = (
     "Readings of a run that follow each other err alike (heat, air): the standard deviations "
     "are no smaller than those of the mean of the runs."
@@ -209,98 +201,6 @@ def _run_effects(
     )
 
 
-def kept_by_table(
-    table: TableEffect, readings: Readings, drift: bool
-) -> Float[np.ndarray, "pg k"]:
-    """Return the offsets, then drifts, of runs that a table does as well, orthonormal columns.
-
-    A mean offset is the constant of the table. A drift that all runs share is a slope of it
-    where all go the same way over their places; where they go there and back it is that slope
-    upward and its opposite downward. Of what readings hardly tell apart the table keeps it.
-
-    Args:
-        table: Beside the runs.
-        readings: With the number of the run of each, and its place within it for drifts.
-        drift: Whether the runs have one.
-    """
-    run, count = readings.inputs["run"], len(readings.value)
-    index, weights = table.design(readings)
-    rows = np.repeat(np.arange(count), index.shape[1])
-    shape = count, table.size
-    nodes = sp.csr_array((weights.ravel(), (rows, index.ravel())), shape=shape)
-    normal = sp.csc_array(nodes.T @ nodes + _RIDGE * sp.eye_array(table.size))
-    solve = scipy.sparse.linalg.splu(normal).solve
-
-    def beside(columns: sp.csr_array) -> tuple[np.ndarray, np.ndarray]:
-        """Return the sums of columns, and those of what the table leaves of them."""
-        own, shared = (columns.T @ columns).toarray(), (nodes.T @ columns).toarray()
-        return own, own - shared.T @ solve(shared)
-
-    each = sp.csr_array((np.ones(count), (np.arange(count), run)))
-    groups = each.shape[1]
-    if not drift:
-        return _null(*beside(each), _EXACT)
-    place = sp.csr_array(each * readings.inputs["order"][:, None])
-    own, left = beside(sp.csr_array(sp.hstack([each, place])))
-    first, last = slice(groups), slice(groups, None)
-    offsets = _null(own[first, first], left[first, first], _EXACT)
-    inverse = np.linalg.pinv(left[first, first], rcond=_EXACT, hermitian=True)
-    beyond = left[last, last] - left[last, first] @ inverse @ left[first, last]
-    drifts = _null(own[last, last], beyond, _HARDLY)
-    return np.asarray(scipy.linalg.block_diag(offsets, drifts))
-
-
-def _null(
-    own: Float[np.ndarray, "g g"], left: Float[np.ndarray, "g g"], least: float
-) -> Float[np.ndarray, "g k"]:
-    """Return the orthonormal combinations of columns of which less than a share is left."""
-    shares, vectors = scipy.linalg.eigh(left, own + _RIDGE * np.eye(len(own)))
-    return np.linalg.qr(vectors[:, shares < least])[0]
-
-
-def far_runs(runs: Sequence[RunEffect]) -> tuple[int, ...]:
-    """Return runs that lie further off the others than those of one machine in a thousand.
-
-    Each offset against mean and scatter of the others, by Student's t.
-    """
-    count = len(runs)
-    if count < 3:
-        return ()
-    offset = np.array([run.offset for run in runs])
-    offset_sd = np.array([run.offset_sd for run in runs])
-    free = count - 1
-    # Of the others alone, by the deviations from the mean of all.
-    deviation = offset - offset.mean()
-    square = np.sum(deviation**2) - deviation**2 * count / free
-    scatter = np.maximum(np.sqrt(np.maximum(square, 0.0) / (free - 1)), offset_sd)
-    distance = np.abs(deviation) * count / free
-    t = distance / (scatter * np.sqrt(1.0 + 1.0 / free))
-    # Of two others the scatter is hardly known: as if of three.
-    far = 2.0 * stdtr(max(count - 2, 2), -t) < _FAR / count
-    return tuple(run.run for run, is_far in zip(runs, far, strict=True) if is_far)
-
-
-def doubt_of_means(runs: Sequence[RunEffect]) -> tuple[float, float]:
-    """Return the standard deviations of the means of offsets and of drifts of some runs.
-
-    What a table keeps of them, less what the noise of their readings explains. The factor of
-    Student's t makes two of them hold as many cases as of a normal variable.
-    """
-    count = len(runs)
-    if count < 2:
-        return 0.0, 0.0
-    values = np.array([[run.offset, run.drift] for run in runs])
-    deviations = np.array([[run.offset_sd, run.drift_sd] for run in runs])
-    noise = np.square(deviations).sum(axis=0) / (count - 1)
-    values[:, 0] -= values[
-        :, 0
-    ].mean()  # those of drifts are what the table did not keep
-    between = np.maximum(np.square(values).sum(axis=0) / (count - 1) - noise, 0.0)
-    factor = 0.5 * float(stdtrit(count - 1, _TWO_SIGMA))
-    offset, drift = (factor * np.sqrt(between / count)).tolist()
-    return offset, drift
-
-
 def doubt_of_curves(
     fit: TableFit, samples: Samples, node: Int[np.ndarray, " t"]
 ) -> Float[np.ndarray, " n"]:
@@ -396,7 +296,7 @@ def runs_apart(
     centred = means - (np.bincount(place, means, size) / np.maximum(count, 1))[place]
     free = np.maximum(count - 1, 1)
     square = np.bincount(place, centred**2, size) / (free * np.maximum(count, 1))
-    doubt = square * np.square(0.5 * stdtrit(free, _TWO_SIGMA))
+    doubt = square * np.square(0.5 * stdtrit(free, TWO_SIGMA))
     doubt[np.bincount(at, torn, size) == 0] = 0.0
     # Smoothness carries it to the nodes beside.
     return apart, table.to_values(maximum_filter(table.to_table(doubt), 3))

@@ -31,14 +31,13 @@ from ._result import (
     ALIKE,
     Judged,
     doubt_of_curves,
-    far_runs,
-    kept_by_table,
     nearest_nodes,
     none_left_out,
     residual_of,
     result_of,
     runs_apart,
 )
+from ._runs import far_runs, kept_by_table
 from ._steps import Steps
 from ._types import Extent, Samples, Smoothness, TableFit
 

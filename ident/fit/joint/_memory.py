@@ -22,7 +22,7 @@ from ....data.signals import last_direction
 from ...core import DriftNoise, Spread, find_drift, scatter_of_sums
 from ...core._regression import SINGULAR
 from .._identifiable import pivoted
-from .._result import doubt_of_means
+from .._runs import doubt_of_means
 from ._effect import Rank
 
 if TYPE_CHECKING:
