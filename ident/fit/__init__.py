@@ -1,8 +1,8 @@
 """Fits of tables, in memory and in pieces: arrays in, model and uncertainty out.
 
 `fit_table` (`_table`) and `fit_streamed` (`_stream`) are one estimator, that of
-`axcomp.ident.core`; `_runs` says what of repeated runs a table keeps, `_result` what was found, `_once`
-what a single probing cannot tell.
+`axcomp.ident.core`; `_runs` says what of repeated runs a table keeps, `_result` what was
+found, `_once` what a single probing cannot tell.
 `predict` and `leave_out` say what a fit says elsewhere, and without some readings;
 `_inequalities` makes the written values keep what they must.
 """

@@ -162,3 +162,15 @@ def test_a_refusal_says_why_few_rows_of_a_log_in_motion_were_left(
         JobError, match=r"rows at standstill count, since its encoder was"
     ):
         run_job(job, tmp_path / "out")
+
+
+@pytest.mark.parametrize("way", ["one", "both"])
+def test_passes_that_all_go_one_way_say_what_a_late_instrument_would_do(
+    tmp_path: Path, way: str
+) -> None:
+    x, _ = there_and_back(40)
+    x = np.tile(x[:PER_LINE], 40) if way == "one" else x
+    noise = 2e-4 * np.random.default_rng(1).standard_normal(x.size)
+    found = fit(tmp_path, CROSS, x, np.zeros_like(x), 5e-3 * np.sin(x / 90.0) + noise)
+    # 300 mm in 1.5 s.
+    assert ("go the same way, at about 201 mm/s" in words(found)) == (way == "one")

@@ -33,7 +33,7 @@ from ._draft import TableDraft
 from ._ends import better_nodes, held_beyond, refuse_small_part, two_places
 from ._log_draft import fit_log
 from ._log_readings import in_pieces
-from ._passes import as_passes_differ, nearest_node, of_both_ways
+from ._passes import as_passes_differ, nearest_node, of_both_ways, one_way
 from ._plan import Plan, missing_way
 from ._readings import read_fit, with_one_zero
 from ._remarks import LOG, doubt_of_places, limit_remarks, outside
@@ -147,7 +147,7 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
         remarks += apart
         fit = fit_to(samples) if apart else fit
     fit, alike = as_passes_differ(plan, readings.order, samples, fit)
-    remarks += alike
+    remarks += [*alike, *one_way(plan, readings, fit)]
     if finer:
         words = "There are more nodes than readings: the prior fills in between."
         words += better_nodes(plan, readings)

@@ -16,6 +16,9 @@ from ._run_remarks import SEEN, TINY
 _PASS, _PASSES, _ALIKE = 0.25, 10, 2.0
 """Share of the longest pass of a node that one has at least; passes beyond the first of each
 node that tell how they differ; and the variance, in that of white noise, from which on they do."""
+_FAST, _ONE_WAY, _LATE = 0.5, 0.98, 0.01
+"""s between readings of a log in motion; mean sign of its speed that is one way; s by which an
+instrument is late, for what it would do."""
 _NOTHING = 1e-18
 """mm²: variance of what readings without any noise tell."""
 _LOOSE, _FAINT = 1e-6, 1e-3
@@ -82,6 +85,48 @@ def as_passes_differ(
     passed = independent(np.sqrt(size) * (mean - middle[place]))
     deviation = np.sqrt(len(size) / passed) * np.asarray(fit.standard_deviation)
     return dataclasses.replace(fit, standard_deviation=deviation), [Remark.info(words)]
+
+
+def one_way(plan: Plan, readings: Readings, fit: TableFit) -> list[Remark]:
+    """Return what a late instrument would do to a table whose passes all go the same way.
+
+    Where they go both ways, `of_both_ways` sees it.
+    """
+    time, table = readings.time, plan.table
+    if (
+        time is None
+        or len(time) < LOG
+        or readings.late is not None
+        or table.branches > 1
+    ):
+        return []
+    order = np.argsort(time, kind="stable")
+    steps = np.diff(time[order])
+    most = int(np.argmax(np.ptp(readings.positions, axis=0)))
+    moved = np.diff(readings.positions[order, most])
+    if not 0.0 < np.median(steps) < _FAST:
+        return []
+    speed = np.divide(moved, steps, out=np.zeros(len(steps)), where=steps > 0.0)
+    usual = float(
+        np.median(np.abs(speed[np.abs(speed) > 0.1 * np.percentile(np.abs(speed), 90)]))
+    )
+    # Not the jump from the end of a pass to the beginning of the next.
+    passed = speed[(np.abs(speed) > 0.5 * usual) & (np.abs(speed) < 2.0 * usual)]
+    if not passed.size or abs(np.sign(passed).mean()) < _ONE_WAY:
+        return []
+    nodes = table.nodes[most].positions
+    axis = fit.values.ndim - 1 - most
+    slope = float(np.abs(np.gradient(fit.values, nodes, axis=axis)).max())
+    shift = _LATE * usual
+    name = plan.fit.over[most]
+    unit = plan.job.spec.axes[name].unit
+    return [
+        Remark.info(
+            f"All passes over {name} go the same way, at about {usual:.3g} {unit}/s. An instrument"
+            f" that is {1e3 * _LATE:g} ms late shifts the table by {shift:.3g} {unit} along {name},"
+            f" up to {plan.small(shift * slope)}, which such passes do not show: scan back as well."
+        )
+    ]
 
 
 def nearest_node(plan: Plan, samples: Samples) -> Int[np.ndarray, " t"]:
