@@ -213,6 +213,9 @@ def measure_again(
             if readings is not None and readings.before is not None:
                 before = before if fit.group is not None else readings.before
             diagnosis = _turned(fit, diagnosis, readings)
+            if diagnosis is None and readings is not None and readings.hidden:
+                left = readings.figures.sound.rms
+                diagnosis = _hidden(fit) if left > LESS * predicted else None
             again = MeasuredAgain(second.source, readings, diagnosis, before, predicted)
         beginning = f"{fit.axis} {fit.compensation}: not judged: "
         own = [one for one in remarks if one.message.startswith(beginning)]
@@ -343,6 +346,15 @@ def _turned(
         f"cannot tell: what it does is {value:.2g} ± {deviation:.1g} times what it says"
     )
     return diagnosis and dataclasses.replace(diagnosis, sentence=words)
+
+
+def _hidden(fit: AbstractResult) -> Diagnosis:
+    """Return that nothing tells a list from the one before, which has its shape."""
+    words = (
+        "cannot tell: the list that acted before has the same shape, so that nothing says which of"
+        " both acts, and how often: measure with the compensation off, and again with it on"
+    )
+    return Diagnosis(fit.axis_number, fit.compensation, "cannot tell", sentence=words)
 
 
 def _finished(

@@ -31,6 +31,8 @@ _REST = 0.2
 SHOWN = 0.5
 """Share of what a list adds that may be left where the figures alone show its sign."""
 
+_SAME_SHAPE = 0.95
+"""Correlation of what two lists add from which on nothing tells them apart."""
 _LEFT = 5.0
 """Scatter of a reading that the mean of a place exceeds where an entry is another."""
 
@@ -257,6 +259,14 @@ class SecondMeasurement:
         """Readings that are not wild: where many are far off, it is the list."""
         wild = wild_readings(self.error) if self.wild is None else self.wild
         return np.asarray(~wild | (wild.mean() > MOST_WILD))
+
+    @property
+    def hidden(self) -> bool:
+        """Whether the list that acted before has the shape of the new one, which contains it."""
+        if not self.acted.any() or self.adds.shape != self.acted.shape:
+            return False
+        new, old = self.adds + self.acted, self.acted
+        return bool(abs(np.corrcoef(new, old)[0, 1]) > _SAME_SHAPE)
 
     def check_scatter(
         self,

@@ -639,6 +639,17 @@ def test_new_table_over_an_active_old_one_is_told_apart_from_it(
     assert not (tmp_path / "out" / "conventions.toml").exists()
 
 
+def test_a_list_of_the_shape_of_the_one_before_says_what_to_measure(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    job, _, _ = over_old(tmp_path, 1.0)
+    after = after_job(tmp_path, -1.0, noise=2e-3)
+    assert fit(job, "--after", str(after)) == 1
+    assert fitted(job)["diagnosis"]["verdict"] == "cannot tell"
+    said = " ".join(capsys.readouterr().out.split())
+    assert "measure with the compensation off, and again with it on" in said
+
+
 def real_job(folder: Path, name: str, nodes: list[int], runs: range) -> Path:
     """Runs of a real run table as a job that has run once."""
     if not (DATA / name).is_file():
