@@ -159,7 +159,7 @@ def derive_motion(
         measurement: With `time` and a position of the axis.
         axis: Name of the axis.
         cutoff: Of the filter in Hz, or the bandwidth of the spline; a share of the
-            sample rate, at most 100 Hz, where left out.
+            sample rate, at most 100 Hz, where left out; infinity: nothing is taken out.
         share: Of the sample rate.
         order: Which positions to take, the best first.
 

@@ -9,9 +9,15 @@ from jaxtyping import Bool, Float
 from ._clock import Clock, read_clock
 from ._errors import SignalError, check_lengths
 from ._filter import SETTLING, bandwidth, central_differences, zero_phase
-from ._noise import NORMAL, noise_gain, noise_of
+from ._noise import noise_gain, noise_of
 from ._order import median
 
+_FEW = 8
+"""Samples at both ends of a record where an interpolating spline has hardly forgotten them."""
+_SPLINE = 1.17, 6.01
+"""Noise in velocity and acceleration of an interpolating spline, per step and its square."""
+_QUARTER = 0.3186
+"""Lower quartile of the absolute value of normal noise, in its standard deviation."""
 _SETTLING = 2.0
 """As `SETTLING`, for a spline, whose ends are free: in periods of its bandwidth."""
 
@@ -76,13 +82,16 @@ def motion_of(
     Args:
         time: In s, rising within segments.
         position: In mm or °.
-        cutoff: Of one pass of the filter, or bandwidth of the spline, in Hz.
+        cutoff: Of one pass of the filter, or bandwidth of the spline, in Hz; infinity: of the
+            spline through all positions.
         clock: Of the times; read from them where left out.
 
     Raises:
         SignalError: If the cutoff does not fit the steps, or there are too few samples.
     """
     clock = clock or read_clock(time)
+    if np.isinf(cutoff):
+        return _interpolated(time, position, clock)
     if clock.uniform:
         return filtered_motion(time, position, cutoff=cutoff, clock=clock)
     return smoothed_motion(time, position, bandwidth=cutoff, clock=clock)
@@ -151,6 +160,40 @@ def filtered_motion(
     )
 
 
+def _interpolated(
+    time: Float[np.ndarray, " t"], position: Float[np.ndarray, " t"], clock: Clock
+) -> Motion:
+    """Return the motion of the cubic spline through all positions, which takes nothing out."""
+    from scipy.interpolate import CubicSpline
+
+    rows, settled = np.zeros((3, time.size)), np.zeros(time.size, dtype=bool)
+    for segment in clock.segments:
+        part, instants = position[segment], time[segment]
+        rows[0, segment] = part
+        if part.size < 2 * _FEW:
+            rows[1, segment] = np.gradient(part, instants) if part.size > 1 else 0.0
+            continue
+        spline = CubicSpline(instants - instants[0], part)
+        rows[1:, segment] = [spline(instants - instants[0], k) for k in (1, 2)]
+        settled[segment.start + _FEW : segment.stop - _FEW] = True
+    third = np.pad(np.diff(position, 3), (1, 2)) / np.sqrt(20.0)
+    moving = _noise_in_motion(third, rows[1], settled)
+    noise, step = max(noise_of(position), moving), clock.sample_time
+    return Motion(
+        time=time,
+        position=rows[0],
+        velocity=rows[1],
+        acceleration=rows[2],
+        bandwidth=0.5 / step,
+        position_noise=noise,
+        velocity_noise=_SPLINE[0] * noise / step,
+        acceleration_noise=_SPLINE[1] * noise / step**2,
+        settled=settled,
+        clock=clock,
+        noise_in_motion=moving,
+    )
+
+
 def _noise_in_motion(
     taken_out: Float[np.ndarray, " t"],
     velocity: Float[np.ndarray, " t"],
@@ -159,7 +202,12 @@ def _noise_in_motion(
     """Return the standard deviation of what was taken out of positions where an axis is fast."""
     speed = np.where(settled, np.abs(velocity), 0.0)
     fast = speed > 0.5 * speed.max(initial=0.0)
-    return NORMAL * median(np.abs(taken_out[fast])) if fast.any() else 0.0
+    # Where it gets faster, more than noise is taken out: the lower quarter.
+    return (
+        float(np.quantile(np.abs(taken_out[fast]), 0.25)) / _QUARTER
+        if fast.any()
+        else 0.0
+    )
 
 
 def _by_filter(

@@ -6,8 +6,6 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from ._console import note, print_result, working
 from ._options import (
     AsJson,
@@ -126,6 +124,8 @@ def _parts_seen(
     names: Mapping[int, str],
 ) -> Iterator[str]:
     """Yield of which part of the travel the second measurement shows nothing, by axis."""
+    import numpy as np  # what needs no arrays starts without it
+
     from ..job.result._second import part_of
 
     for axis in sorted(judged):

@@ -26,9 +26,10 @@ def kept_by_table(
 ) -> Float[np.ndarray, "pg k"]:
     """Return the offsets, then drifts, of runs that a table does as well, orthonormal columns.
 
-    A mean offset is the constant of the table. A drift that all runs share is a slope of it
-    where all go the same way over their places; where they go there and back it is that slope
-    upward and its opposite downward. Of what readings hardly tell apart the table keeps it.
+    A mean offset is the constant of the table, and offsets of lines that grow from line to line
+    are a slope of it; its smoothness tells those of set-ups that adjoin. A drift that all runs
+    share is a slope where all go the same way over their places; where they go there and back it
+    is that slope upward and its opposite downward. What readings hardly tell apart the table keeps.
 
     Args:
         table: Beside the runs.
@@ -50,16 +51,38 @@ def kept_by_table(
 
     each = sp.csr_array((np.ones(count), (np.arange(count), run)))
     groups = each.shape[1]
+    base = _straight(table, readings)
+    shared = each.T @ base
+    alike = (each.T @ each).toarray()
+    offsets = _null(alike, alike - shared @ shared.T, _EXACT)
     if not drift:
-        return _null(*beside(each), _EXACT)
+        return offsets
     place = sp.csr_array(each * readings.inputs["order"][:, None])
     own, left = beside(sp.csr_array(sp.hstack([each, place])))
     first, last = slice(groups), slice(groups, None)
-    offsets = _null(own[first, first], left[first, first], _EXACT)
     inverse = np.linalg.pinv(left[first, first], rcond=_EXACT, hermitian=True)
     beyond = left[last, last] - left[last, first] @ inverse @ left[first, last]
     drifts = _null(own[last, last], beyond, _HARDLY)
     return np.asarray(scipy.linalg.block_diag(offsets, drifts))
+
+
+def _straight(table: TableEffect, readings: Readings) -> Float[np.ndarray, "t s"]:
+    """Return what smoothness does not see of each direction, at every reading, orthonormal.
+
+    A constant, and slopes but for a ring.
+    """
+    count = len(readings.value)
+    places = () if table.periodic else (readings.inputs[name] for name in table.inputs)
+    plain = np.column_stack(
+        [
+            np.ones(count),
+            *(place / max(np.abs(place).max(), 1e-300) for place in places),
+        ]
+    )
+    way = readings.inputs["direction"] if table.branches == 2 else np.ones(count)
+    return np.linalg.qr(
+        np.hstack([plain * (way == k)[:, None] for k in np.unique(way)])
+    )[0]
 
 
 def _null(

@@ -91,7 +91,7 @@ def fit_table(
     fit_to = _InMemory(layout, samples, smoothness, run_effects, allow_gaps)
     extent.check(layout, fit_to.stack(()).free, allow_gaps)
     fit = fit_to(loss, ())
-    far = far_runs(fit.runs) if loss != "gauss" else ()
+    far = fit.suspect_runs if loss != "gauss" else ()
     if far:
         # A run that contradicts the others must not pull their mean.
         fit = fit_to(loss, far)

@@ -1,9 +1,11 @@
 """Every fit of a job: all of them planned, then fitted in the order that they need."""
 
+import contextlib
 import dataclasses
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from ...data.errors import AxcompError
 from ...data.measurements import standstill_words
 from ..core import FitError
 from ..kinds._keys import FitSpec
@@ -98,8 +100,13 @@ def _start(fit: FitSpec) -> str:
 
 def _with_standing(reason: str, tables: Tables, fit: FitSpec) -> str:
     """Return why nothing came out of a fit, and why few readings are left of its logs."""
-    every = (tables.measured(name, fit.axis) for name in fit.sources)
-    words = [standstill_words(measured, fit.axis) for measured in every]
+    words = []
+    for name in fit.sources:
+        # What cannot be read, or not as a whole, is what the reason is about.
+        with contextlib.suppress(AxcompError, OSError):
+            if tables.large(name) is None:
+                measured = tables.measured(name, fit.axis)
+                words.append(standstill_words(measured, fit.axis))
     return ". ".join([reason, *filter(None, words)]).replace("..", ".")
 
 

@@ -196,7 +196,13 @@ def measure_again(
         if readings and draft.foreseen is not None and "predicted" in figures:
             unit, best = job.spec.axes[draft.axis].small_unit, figures["predicted"]
             foreseen = draft.foreseen.before, best.sound.rms
-            alone = sum(one.axis == draft.axis for one in drafts) == 1
+            alone = not any(
+                one is not draft
+                and one.axis == draft.axis
+                and other
+                and other.adds.size
+                for one, other in zip(drafts, found, strict=True)
+            )
             readings.check_scatter(*foreseen, unit, alone=alone)
     left = {
         fit.axis: figures["predicted"].sound.rms
@@ -214,8 +220,8 @@ def measure_again(
                 before = before if fit.group is not None else readings.before
             diagnosis = _turned(fit, diagnosis, readings)
             if diagnosis is None and readings is not None and readings.hidden:
-                left = readings.figures.sound.rms
-                diagnosis = _hidden(fit) if left > LESS * predicted else None
+                found_rms = readings.figures.sound.rms
+                diagnosis = _hidden(fit) if found_rms > LESS * predicted else None
             again = MeasuredAgain(second.source, readings, diagnosis, before, predicted)
         beginning = f"{fit.axis} {fit.compensation}: not judged: "
         own = [one for one in remarks if one.message.startswith(beginning)]

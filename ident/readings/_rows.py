@@ -47,15 +47,16 @@ IN_SHOP = (
 _SPARSE, _MISSED = 0.5, 3.0
 """Share of the rows below which a logger of temperatures is slower than the rows; how many of its
 readings in a row may be missed."""
-_CHANGES, _HELD = 10, 4.0
-"""Changes of a temperature that tell the cycle of its logger, and rows of a cycle at least."""
+_CHANGES, _HELD, _LATE, _REGULAR = 10, 4.0, 0.1, 0.9
+"""Changes of a temperature that tell the cycle of its logger, and rows of a cycle at least; share
+of a cycle by which one may come late, and of all that come on time."""
 _ABSURD = 1e9
 """mm or °: a thousand kilometres, or some million turns."""
 _LEFT = 1e-3
 """Share of its travel that an axis has gone when it has surely moved."""
-_SHARP, _NOISY, _NOISE = 0.25, 0.01, 0.08
-"""Cutoff of a derived motion in sample rates, above the usual one, that is taken while the noise of
-the acceleration is a small part of its peak; and the part at which it looks like accelerations."""
+_SHARP, _NOISY, _NOISE = (0.25, 0.1), 0.01, 0.08
+"""Cutoffs of a derived motion in sample rates, the sharpest first, of which that is taken with
+which noise is a small part of the largest acceleration; and the part at which it looks like one."""
 
 
 def sensor_name(text: str) -> str:
@@ -175,7 +176,7 @@ class Rows:
         warm, time = self._required(SENSOR + sensor_name(sensor), why), self.time
         known = np.isfinite(warm)
         if time is not None:
-            known[known] &= _fresh(time[known], warm[known])
+            known[known] &= fresh_readings(time[known], warm[known])
         if time is None or not 2 < np.sum(known) < _SPARSE * len(warm):
             return warm
         gaps = np.diff(time[known])
@@ -356,9 +357,11 @@ class Rows:
             # The filter of a log of few samples is slower than an acceleration of a machine:
             # as sharp a one as the noise of the positions allows.
             log = on_even_clock(self.measured, axis)
-            derived = derive_motion(log, axis, order=kinds, share=_SHARP)
-            if max(derived.noise_of_peak) > _NOISY:
-                derived = derive_motion(log, axis, order=kinds)
+            derived = derive_motion(log, axis, order=kinds, cutoff=np.inf)
+            for share in _SHARP:
+                if max(derived.noise_of_peak) <= _NOISY:
+                    break
+                derived = derive_motion(log, axis, order=kinds, share=share)
             self._motions[axis, kinds] = derived
             self.remarks += log.remarks[len(self.measured.remarks) :]
         motion = self._motions[axis, kinds]
@@ -427,7 +430,7 @@ class Rows:
         return values
 
 
-def _fresh(
+def fresh_readings(
     time: Float[np.ndarray, " t"], warm: Float[np.ndarray, " t"]
 ) -> Bool[np.ndarray, " t"]:
     """Return which rows hold a reading of a logger that repeats the last one until the next.
@@ -437,24 +440,29 @@ def _fresh(
     between them, is what somebody wrote down: it holds for the run.
     """
     changes = 1 + np.flatnonzero(np.diff(warm))
-    fresh = np.ones(len(warm), dtype=bool)
+    all_of_them = np.ones(len(warm), dtype=bool)
     if len(changes) < _CHANGES:
-        return fresh
+        return all_of_them
     gaps = np.diff(changes)
-    cycle = float(gaps.min())
-    # The mean of all steps by their number of cycles, rounded with the shortest one.
+    # The shortest steps are one cycle; then the mean of all by their number of cycles.
+    cycle = float(np.percentile(gaps, 10.0))
     for _ in range(2):
         cycle = gaps.sum() / max(np.rint(gaps / cycle).sum(), 1.0)
-    count = np.rint(gaps / cycle)
-    regular = np.abs(gaps - count * cycle) <= 1.0
-    if cycle < _HELD or not regular.all() or count.mean() > _MISSED:
-        return fresh
-    number = np.floor((np.arange(len(warm)) - changes[0] + 0.5) / cycle)
-    number[changes[0] :] = np.maximum(number[changes[0] :], 0.0)
-    found = fresh.copy()
-    found[1:] = np.diff(number) > 0.0
+    count = np.rint(gaps / cycle).astype(np.int64)
+    near = np.abs(gaps - count * cycle) <= max(1.0, _LATE * cycle)
+    if cycle < _HELD or near.mean() < _REGULAR or count.mean() > _MISSED:
+        return all_of_them
+    # Readings that changed nothing lie evenly between those that did.
+    between = [
+        first + np.rint(np.arange(1, times) * gap / times)
+        for first, gap, times in zip(changes, gaps, count, strict=False)
+    ]
+    behind = np.arange(changes[-1] + cycle, len(warm), cycle)
+    rows = np.concatenate([[0], changes, *between, np.rint(behind)]).astype(np.int64)
+    found = np.zeros(len(warm), dtype=bool)
+    found[np.minimum(rows, len(warm) - 1)] = True
     usual = float(np.median(np.diff(time[found])))
-    return found if np.diff(time).max() < 0.5 * usual else fresh
+    return found if np.diff(time).max() < 0.5 * usual else all_of_them
 
 
 def reference_words(

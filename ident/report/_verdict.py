@@ -208,7 +208,10 @@ def _moved(fit: AbstractResult, scale: Scale, find: str) -> str:
     assert fit.again is not None  # its readings have them
     assert fit.again.trend is not None
     if fit.again.trend.fault:
-        return ". Take the other flank as the right one, and measure again"
+        return (
+            f". Unless {fit.axis} moved since by that (its temperature, or the zero of the"
+            " instrument), take the other flank as the right one, and measure again"
+        )
     return (
         f": without it {scale.figure(fit.again.trend.rest)} {scale.error} would be left, as"
         f" predicted. {find} what moved {fit.axis} since: its temperature, or the zero of the"

@@ -290,6 +290,26 @@ def test_a_wild_reading_changes_nothing() -> None:
     assert draw(effect, SIZE / 3, np.random.default_rng(6)).verdict == "sign"
 
 
+@pytest.mark.parametrize("fault", ["right", "sign", "twice"])
+def test_a_list_that_acts_at_few_places_is_told_like_any_other(fault: str) -> None:
+    end = LIST.dumps().decode().splitlines()
+    rise = np.clip(NODES - 740.0, 0.0, None) / 60.0 * 0.05
+    values = iter(np.rint(1e4 * rise).astype(int))
+    lines = [
+        f"{line.rpartition(' ')[0]} {next(values)}" if "].pos " in line else line
+        for line in end
+    ]
+    listing = ListFile.parse("\n".join(lines).encode() + b"\n", "achskw1.lis")
+    times = {"right": -1.0, "sign": 1.0, "twice": -2.0}[fault]
+    first, rng = np.interp(X, NODES, rise), np.random.default_rng(3)
+    before, after = (
+        [Measured(1, {1: X}, values + 1e-3 * rng.normal(size=X.size), None)]
+        for values in (first, (1.0 + times) * first)
+    )
+    (found,) = diagnose([listing], before, after, Reading(Conventions()))
+    assert found.verdict == fault
+
+
 def test_wild_readings_at_places_that_were_read_twice_change_nothing() -> None:
     places = NODES[::2]
     twice, rng = np.tile(places, 2), np.random.default_rng(9)

@@ -23,6 +23,7 @@ from axcomp.ident.kinds.temperature.entries import (
     read_temperature_table,
     temperature_from_list,
 )
+from axcomp.ident.readings._rows import fresh_readings
 from axcomp.ident.report import headline_of, write_report
 from axcomp.ident.report._scale import Scale
 from axcomp.models import Conventions
@@ -377,6 +378,20 @@ def test_two_sensors_share_one_table(tmp_path: Path) -> None:
     )
     moved = np.asarray(line.offset(np.full(3, 1000.0), warm))
     assert moved == pytest.approx([-0.012, -0.020, -0.032], abs=5e-4)
+
+
+@pytest.mark.parametrize("cycle", [59.7, 60.0, 10.3])
+def test_a_reading_that_its_logger_repeats_counts_when_it_came(cycle: float) -> None:
+    time = np.arange(0.0, 14400.0)
+    came = np.arange(3.3, 14400.0, cycle)
+    read = np.round(20.0 + 8.0 * (1.0 - np.exp(-came / 3000.0)), 4)
+    at = np.searchsorted(came, time, side="right") - 1
+    fresh = fresh_readings(time, read[np.maximum(at, 0)])
+    rows = np.flatnonzero(fresh)[1:]
+    # The row in which it first stands, but for the few at the end that change nothing.
+    first = np.isin(rows, 1 + np.flatnonzero(np.diff(at)))
+    assert first.mean() > 0.9
+    assert len(rows) == pytest.approx(len(came), abs=2)
 
 
 @pytest.mark.parametrize("held", [False, True])

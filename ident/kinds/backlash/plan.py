@@ -203,8 +203,9 @@ class BacklashDraft(AbstractDraft):
         assert isinstance(draft, BacklashDraft)  # its own
         sides, width = sides_of(draft.share), float(self.share.part.values[0])
         trend, moved_by = None, self._moved(draft)
-        unsettled = moved_by is None and FLANK not in self.job.verified
-        moved = 0.0 if moved_by is None or math.isnan(moved_by) else moved_by
+        unknown = moved_by is None or math.isnan(moved_by)
+        unsettled = unknown and FLANK not in self.job.verified
+        moved = 0.0 if moved_by is None or unknown else moved_by
         if abs(moved) > 0.5 * abs(width):
             # Nearer to what the other flank as the right one does.
             words = (
@@ -223,7 +224,7 @@ class BacklashDraft(AbstractDraft):
             added=0.5 * abs(width),
             unseen={"zero": FLANK} if unsettled else {},
             trend=trend,
-            zero=moved_by is not None and not math.isnan(moved_by) and trend is None,
+            zero=not unknown and trend is None,
         )
 
     def _moved(self, again: "BacklashDraft") -> float | None:
@@ -242,11 +243,8 @@ class BacklashDraft(AbstractDraft):
         before, after = (one.middle for one in drafts)
         width = float(self.share.part.values[0])
         if owned and not self._alone:
-            flank = (
-                abs(after)
-                if abs(after) < 0.5 * abs(width)
-                else abs(abs(after) - abs(width))
-            )
+            # The other flank puts both directions there.
+            flank = min(abs(after), abs(after - self.plan.reference * width))
             sure = max(flank, again.uneven) < _FLANK_ALONE * abs(width)
             return after if sure else math.nan
         if not owned or len(acting) > 1:

@@ -780,7 +780,7 @@ def test_a_backlash_with_the_other_flank_is_not_verified(
     assert len(taken) == code
 
 
-@pytest.mark.parametrize("flank", [1, -1])
+@pytest.mark.parametrize("flank", [1, -1, 0])
 def test_the_other_flank_is_told_beside_a_leadscrew_that_is_right(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], flank: int
 ) -> None:
@@ -789,11 +789,13 @@ def test_the_other_flank_is_told_beside_a_leadscrew_that_is_right(
     way = np.tile(np.repeat([1, -1], len(PLACES)), 3)
     run = np.repeat([1, 2, 3], 2 * len(PLACES))
     screw = 0.02 * np.sin(target / 60.0) + 0.01 * (way < 0)
+    left = {1: 0.0, -1: 0.01, 0: -0.01}[flank]
     columns = '"X.position" = "target", "X.error" = "error", "X.direction" = "way", run = "run"'
     head = '[axes.X]\nnumber = 1\n[measurements.m]\nremove = "none"\n'
     for name, error, active in (
         ("first", screw, "[]"),
-        ("again", np.full(len(way), 0.01 * (flank < 0)), '["leadscrew", "backlash"]'),
+        # 0: everything has moved by the width, to the side to which no flank moves it.
+        ("again", np.full(len(way), left), '["leadscrew", "backlash"]'),
     ):
         noisy = error + 3e-4 * rng.standard_normal(len(way))
         table(tmp_path / f"{name}.csv", "target,error,run,way", target, noisy, run, way)
@@ -808,8 +810,10 @@ def test_the_other_flank_is_told_beside_a_leadscrew_that_is_right(
     assert fit(job, "--after", str(tmp_path / "again.toml")) == (flank < 0)
     lines, play = result(job)["fits"]
     said = " ".join(capsys.readouterr().out.split())
-    assert ("Take the other flank as the right one" in said) == (flank < 0)
-    if flank > 0:
+    assert ("take the other flank as the right one" in said) == (flank < 0)
+    if not flank:
+        assert play["verdict"] != "rejected"
+    elif flank > 0:
         assert [lines["verdict"], play["verdict"]] == ["good", "good"]
         assert "backlash_reference = 1" in said
     else:
