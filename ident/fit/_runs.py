@@ -37,29 +37,22 @@ def kept_by_table(
         drift: Whether the runs have one.
     """
     run, count = readings.inputs["run"], len(readings.value)
+    each = sp.csr_array((np.ones(count), (np.arange(count), run)))
+    shared, alike = each.T @ _straight(table, readings), (each.T @ each).toarray()
+    offsets = _null(alike, alike - shared @ shared.T, _EXACT)
+    if not drift:
+        return offsets
+    place = sp.csr_array(each * readings.inputs["order"][:, None])
+    columns = sp.csr_array(sp.hstack([each, place]))
     index, weights = table.design(readings)
     rows = np.repeat(np.arange(count), index.shape[1])
     shape = count, table.size
     nodes = sp.csr_array((weights.ravel(), (rows, index.ravel())), shape=shape)
     normal = sp.csc_array(nodes.T @ nodes + _RIDGE * sp.eye_array(table.size))
-    solve = scipy.sparse.linalg.splu(normal).solve
-
-    def beside(columns: sp.csr_array) -> tuple[np.ndarray, np.ndarray]:
-        """Return the sums of columns, and those of what the table leaves of them."""
-        own, shared = (columns.T @ columns).toarray(), (nodes.T @ columns).toarray()
-        return own, own - shared.T @ solve(shared)
-
-    each = sp.csr_array((np.ones(count), (np.arange(count), run)))
-    groups = each.shape[1]
-    base = _straight(table, readings)
-    shared = each.T @ base
-    alike = (each.T @ each).toarray()
-    offsets = _null(alike, alike - shared @ shared.T, _EXACT)
-    if not drift:
-        return offsets
-    place = sp.csr_array(each * readings.inputs["order"][:, None])
-    own, left = beside(sp.csr_array(sp.hstack([each, place])))
-    first, last = slice(groups), slice(groups, None)
+    own, shared = (columns.T @ columns).toarray(), (nodes.T @ columns).toarray()
+    left = own - shared.T @ scipy.sparse.linalg.splu(normal).solve(shared)
+    # What table and offsets leave of the drifts.
+    first, last = slice(each.shape[1]), slice(each.shape[1], None)
     inverse = np.linalg.pinv(left[first, first], rcond=_EXACT, hermitian=True)
     beyond = left[last, last] - left[last, first] @ inverse @ left[first, last]
     drifts = _null(own[last, last], beyond, _HARDLY)
@@ -73,16 +66,11 @@ def _straight(table: TableEffect, readings: Readings) -> Float[np.ndarray, "t s"
     """
     count = len(readings.value)
     places = () if table.periodic else (readings.inputs[name] for name in table.inputs)
-    plain = np.column_stack(
-        [
-            np.ones(count),
-            *(place / max(np.abs(place).max(), 1e-300) for place in places),
-        ]
-    )
+    slopes = (place / max(np.abs(place).max(), 1e-300) for place in places)
+    plain = np.column_stack([np.ones(count), *slopes])
     way = readings.inputs["direction"] if table.branches == 2 else np.ones(count)
-    return np.linalg.qr(
-        np.hstack([plain * (way == k)[:, None] for k in np.unique(way)])
-    )[0]
+    each_way = np.hstack([plain * (way == k)[:, None] for k in np.unique(way)])
+    return np.linalg.qr(each_way)[0]
 
 
 def _null(

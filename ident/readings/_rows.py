@@ -368,9 +368,10 @@ class Rows:
         moving = motion.noise_of_peak[1]
         if what == "acceleration" and moving > _NOISE:
             noises = 1e3 * motion.position_noise, 1e3 * motion.noise_in_motion
+            unit = self.job.spec.axes[axis].small_unit
             reason = (
-                f"found positions of {axis} that scatter by {noises[0]:.2g} µm, and by"
-                f" {noises[1]:.3g} µm where it is fast: {100 * moving:.0f} % of the largest"
+                f"found positions of {axis} that scatter by {noises[0]:.2g} {unit}, and by"
+                f" {noises[1]:.3g} {unit} where it is fast: {100 * moving:.0f} % of the largest"
                 f" acceleration that they tell is noise, expected at most {100 * _NOISE:.0f} %;"
                 f" record '{axis}.acceleration', or the time at which each sample was taken"
             )

@@ -107,14 +107,15 @@ def one_way(plan: Plan, readings: Readings, fit: TableFit) -> list[Remark]:
     if not 0.0 < np.median(steps) < _FAST:
         return []
     speed = np.divide(moved, steps, out=np.zeros(len(steps)), where=steps > 0.0)
-    usual = float(
-        np.median(np.abs(speed[np.abs(speed) > 0.1 * np.percentile(np.abs(speed), 90)]))
-    )
+    fast = np.abs(speed) > 0.1 * np.percentile(np.abs(speed), 90)
+    nodes = table.nodes[most].positions
+    if not fast.any() or len(nodes) < 2:
+        return []
+    usual = float(np.median(np.abs(speed[fast])))
     # Not the jump from the end of a pass to the beginning of the next.
     passed = speed[(np.abs(speed) > 0.5 * usual) & (np.abs(speed) < 2.0 * usual)]
-    if not passed.size or abs(np.sign(passed).mean()) < _ONE_WAY:
+    if abs(np.sign(passed).mean()) < _ONE_WAY:
         return []
-    nodes = table.nodes[most].positions
     axis = fit.values.ndim - 1 - most
     slope = float(np.abs(np.gradient(fit.values, nodes, axis=axis)).max())
     shift = _LATE * usual
