@@ -52,7 +52,8 @@ def kept_by_table(
     own, shared = (columns.T @ columns).toarray(), (nodes.T @ columns).toarray()
     left = own - shared.T @ scipy.sparse.linalg.splu(normal).solve(shared)
     # What table and offsets leave of the drifts.
-    first, last = slice(each.shape[1]), slice(each.shape[1], None)
+    half = len(own) // 2
+    first, last = slice(half), slice(half, None)
     inverse = np.linalg.pinv(left[first, first], rcond=_EXACT, hermitian=True)
     beyond = left[last, last] - left[last, first] @ inverse @ left[first, last]
     drifts = _null(own[last, last], beyond, _HARDLY)
