@@ -204,14 +204,17 @@ def _bent(problem: Problem, plain: Posterior) -> Posterior | None:
 
 def _best_of(problem: Problem, trials: Sequence[Vector]) -> Posterior | None:
     low, high = np.exp(problem.bounds.T)
-    best = None
-    for trial in trials:
+    best, at = None, 0
+    for k, trial in enumerate(trials):
         weights = np.where(trial > 0.0, np.minimum(np.maximum(trial, low), high), 0.0)
         post = problem.at(weights)
         lowest = np.inf if best is None else best.evidence
         if post is not None and post.evidence < lowest:
-            best = post
-    return best
+            best, at = post, k
+    if best is None or np.isfinite(best.carried).all():
+        return best
+    # So stiff along a thousand nodes that nobody can go on from there.
+    return _best_of(problem, [*trials[:at], *trials[at + 1 :]])
 
 
 def _descend(problem: Problem, start: Posterior, gain: float) -> Posterior:

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from types import SimpleNamespace
 from typing import Any
 from unittest import mock
 
@@ -23,6 +24,7 @@ from axcomp.ident.core import (
     choose_weights,
     sums_of,
 )
+from axcomp.ident.core._evidence import _best_of
 from axcomp.models import Leadscrew, Plane
 
 EVEN, UNEVEN = np.linspace(-7.0, 60.0, 12), np.cumsum([0.0, *[1.0, 2.5, 4.0] * 3])
@@ -384,3 +386,17 @@ def test_a_band_without_right_hand_sides_leaves_memory_alone() -> None:
     assert factor is not None
     with mock.patch("axcomp.ident.core._factor.dtbtrs", side_effect=AssertionError):
         assert factor.solve(np.zeros((602, 0))).shape == (602, 0)
+
+
+def test_weights_so_stiff_that_nothing_can_go_on_from_them_are_no_start() -> None:
+    # Seen on a plane of 1001 × 21 nodes and 10⁶ readings: the inverse overflows.
+    posts = {
+        1.0: SimpleNamespace(evidence=5.0, carried=np.array([3.0])),
+        2.0: SimpleNamespace(evidence=1.0, carried=np.array([np.nan])),
+        4.0: SimpleNamespace(evidence=3.0, carried=np.array([2.0])),
+    }
+    problem: Any = SimpleNamespace(
+        bounds=np.log([[1e-3, 1e3]]), at=lambda weights: posts[float(weights[0])]
+    )
+    found = _best_of(problem, [np.array([weight]) for weight in posts])
+    assert found is posts[4.0]
