@@ -2,7 +2,6 @@
 
 import subprocess
 import sys
-from types import SimpleNamespace
 from typing import Any
 from unittest import mock
 
@@ -15,6 +14,7 @@ from axcomp.ident.core import (
     ArrowFactor,
     GroupEffect,
     Loss,
+    Posterior,
     Problem,
     Readings,
     Stack,
@@ -391,12 +391,16 @@ def test_a_band_without_right_hand_sides_leaves_memory_alone() -> None:
 def test_weights_so_stiff_that_nothing_can_go_on_from_them_are_no_start() -> None:
     # Seen on a plane of 1001 × 21 nodes and 10⁶ readings: the inverse overflows.
     posts = {
-        1.0: SimpleNamespace(evidence=5.0, carried=np.array([3.0])),
-        2.0: SimpleNamespace(evidence=1.0, carried=np.array([np.nan])),
-        4.0: SimpleNamespace(evidence=3.0, carried=np.array([2.0])),
+        weight: mock.NonCallableMock(
+            spec=Posterior, evidence=evidence, carried=np.array([carried])
+        )
+        for weight, evidence, carried in (
+            (1.0, 5.0, 3.0),
+            (2.0, 1.0, np.nan),
+            (4.0, 3.0, 2.0),
+        )
     }
-    problem: Any = SimpleNamespace(
-        bounds=np.log([[1e-3, 1e3]]), at=lambda weights: posts[float(weights[0])]
-    )
+    problem = mock.NonCallableMock(spec=Problem, bounds=np.log([[1e-3, 1e3]]))
+    problem.at = lambda weights: posts[float(weights[0])]
     found = _best_of(problem, [np.array([weight]) for weight in posts])
     assert found is posts[4.0]
