@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float
 from ._clock import Clock, read_clock
 from ._errors import SignalError, check_lengths
 from ._filter import SETTLING, bandwidth, central_differences, zero_phase
-from ._noise import noise_gain, noise_of
+from ._noise import noise_gain, noise_of, third_differences
 from ._order import median
 
 _FEW = 8
@@ -176,7 +176,7 @@ def _interpolated(
         spline = CubicSpline(instants - instants[0], part)
         rows[1:, segment] = [spline(instants - instants[0], k) for k in (1, 2)]
         settled[segment.start + _FEW : segment.stop - _FEW] = True
-    third = np.pad(np.diff(position, 3), (1, 2)) / np.sqrt(20.0)
+    third = np.pad(third_differences(position), (1, 2))
     moving = _noise_in_motion(third, rows[1], settled)
     noise, step = max(noise_of(position), moving), clock.sample_time
     return Motion(

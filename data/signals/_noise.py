@@ -32,11 +32,16 @@ def noise_of(
     return max(scatter_of(values, time), resolution(values) / math.sqrt(12.0))
 
 
+def third_differences(values: Float[np.ndarray, " t"]) -> Float[np.ndarray, " _n"]:
+    """Return the third differences of a signal, as large as white noise on it."""
+    return np.diff(values, 3) / _THIRD
+
+
 def scatter_of(
     values: Float[np.ndarray, " t"], time: Float[np.ndarray, " t"] | None = None
 ) -> float:
     """Return the noise as `noise_of`, of four values at least, whatever the resolution is."""
-    third = np.diff(values, 3) / _THIRD if time is None else _divided(values, time)
+    third = third_differences(values) if time is None else _divided(values, time)
     return NORMAL * median(np.abs(third))
 
 

@@ -105,10 +105,17 @@ def far_runs(runs: Sequence[RunEffect]) -> tuple[int, ...]:
 
 
 def doubt_of_means(runs: Sequence[RunEffect]) -> tuple[float, float]:
-    """Return the standard deviations of the means of offsets and of drifts of some runs.
+    """Return the standard deviations of the means of offsets and of drifts of some runs."""
+    offset, drift = scatter_of_runs(runs)
+    root = max(len(runs), 1) ** 0.5
+    return offset / root, drift / root
 
-    What a table keeps of them, less what the noise of their readings explains. The factor of
-    Student's t makes two of them hold as many cases as of a normal variable.
+
+def scatter_of_runs(runs: Sequence[RunEffect]) -> tuple[float, float]:
+    """Return the standard deviations of offsets and of drifts of some runs.
+
+    Less what the noise of their readings explains. The factor of Student's t makes two of them
+    hold as many cases as of a normal variable.
     """
     count = len(runs)
     if count < 2:
@@ -121,5 +128,5 @@ def doubt_of_means(runs: Sequence[RunEffect]) -> tuple[float, float]:
     ].mean()  # those of drifts are what the table did not keep
     between = np.maximum(np.square(values).sum(axis=0) / (count - 1) - noise, 0.0)
     factor = 0.5 * float(stdtrit(count - 1, TWO_SIGMA))
-    offset, drift = (factor * np.sqrt(between / count)).tolist()
+    offset, drift = (factor * np.sqrt(between)).tolist()
     return offset, drift

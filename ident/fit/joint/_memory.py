@@ -22,7 +22,7 @@ from ....data.signals import last_direction
 from ...core import DriftNoise, Spread, find_drift, scatter_of_sums
 from ...core._regression import SINGULAR
 from .._identifiable import pivoted
-from .._runs import doubt_of_means
+from .._runs import scatter_of_runs
 from ._effect import Rank
 
 if TYPE_CHECKING:
@@ -174,7 +174,7 @@ class Memory:
         levels = basis @ (basis.T @ moves)
         effects = self.fit.runs()
         # Those of runs by themselves; in a drift all err alike.
-        apart = doubt_of_means(effects)[0] * np.sqrt(len(effects))
+        apart = scatter_of_runs(effects)[0]
         most = np.square(apart * np.abs(runs.T @ moves).sum(axis=0))
         assert self.drift is not None  # asked for only then
         moved = np.diag(scatter_of_sums(self.drift, self.clock[self._believed], levels))

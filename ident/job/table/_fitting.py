@@ -15,9 +15,9 @@ from ...fit import (
     RunEffects,
     Samples,
     TableFit,
-    doubt_of_means,
     fit_table,
     leave_out,
+    scatter_of_runs,
     spatial_blocks,
 )
 from ...proof import (
@@ -271,8 +271,8 @@ def _patterns(
     suspects = () if fit.loss == "gauss" else fit.suspect_runs
     aside = {*suspects, *readings.floating}
     runs = [run for run in fit.runs if run.run not in aside]
-    doubts = doubt_of_means(runs)
-    for pattern in _kept(samples, fit, aside, doubts) if any(doubts) else []:
+    scatter = scatter_of_runs(runs)
+    for pattern in _kept(samples, fit, aside, scatter) if any(scatter) else []:
         for name, rows in readings.slices.items():
             kind = plan.job.spec.measurements[name].remove
             places = [*samples.positions[rows].T]
@@ -282,31 +282,29 @@ def _patterns(
 
 
 def _kept(
-    samples: Samples, fit: TableFit, aside: set[int], doubts: tuple[float, float]
+    samples: Samples, fit: TableFit, aside: set[int], scatter: tuple[float, float]
 ) -> list[Float[np.ndarray, " t"]]:
     """Return what a table keeps of the offsets and drifts of runs, at every reading.
 
-    Each as its standard deviation, from those of their means.
+    Each as its standard deviation, from those of the runs that are not set aside.
     """
-    alone = [run.run not in aside for run in fit.runs]
-    count, ones = sum(alone), np.ones((len(alone), 1))
+    counted = np.array([run.run not in aside for run in fit.runs])
+    ones = np.ones((len(counted), 1))
     index, effect = samples.readings.inputs["run"], None
     if fit.estimate is not None:
         effect = fit.estimate.posterior.problem.stack.effects[-1]
     kept = effect.kept if isinstance(effect, GroupEffect) else None
     offsets, *drifts = (
-        (ones,) if kept is None else np.split(kept, len(kept) // len(alone))
+        (ones,) if kept is None else np.split(kept, len(kept) // len(counted))
     )
     patterns = []
-    for doubt, effects in zip(doubts, (offsets, *drifts), strict=False):
-        counted = effects[:, effects.any(axis=0)] * np.array(alone)[:, None]
+    for deviation, effects in zip(scatter, (offsets, *drifts), strict=False):
+        shown = effects[:, effects.any(axis=0)] * counted[:, None]
         place = (
             1.0 if effects is offsets or samples.order is None else samples.order - 0.5
         )
-        columns = np.linalg.qr(counted)[0].T
-        patterns += [
-            doubt * np.sqrt(count) * place * column[index] for column in columns
-        ]
+        columns = np.linalg.qr(shown)[0].T
+        patterns += [deviation * place * column[index] for column in columns]
     return patterns
 
 
