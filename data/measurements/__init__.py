@@ -28,6 +28,7 @@ from ._direction import (
     explain_direction as explain_direction,
     restart_of as restart_of,
 )
+from ._dropped import filled_in as filled_in
 from ._errors import (
     CellError as CellError,
     ColumnError as ColumnError,

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool, Float
 
+from ._dropped import filled_in, taken_at
 from ._errors import CellError, MeasurementError
 from ._log_names import COMPENSATIONS, LogName, log_name, plain_axis
 from ._measurement import Measurement, measurement
@@ -18,6 +19,8 @@ from ._units import UNITS, find_unit
 _LENGTHS = ("length", "angle", "increments")
 _JITTER = 0.25
 """Share of a cycle by which time stamps may miss their place: they are rounded."""
+_FILLED = 20
+"""Cycles missed in a row that are filled in at most."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -53,6 +56,7 @@ class ControllerLog:
         offsets: What the controller reported.
         cycle: Time step in s; None without time.
         ignored: Columns that mean nothing here.
+        dropped: Cycles that are missing and were filled in from those beside them.
     """
 
     source: Path
@@ -60,6 +64,7 @@ class ControllerLog:
     offsets: tuple[LoggedOffset, ...]
     cycle: float | None
     ignored: tuple[str, ...]
+    dropped: int = 0
 
 
 def read_log(
@@ -129,8 +134,14 @@ def read_log(
     motion = measurement(table, roles, increments=increments)
     for role in roles:
         motion.require(role)  # raises at a cell that is no number
+    motion, rows = filled_in(motion, _FILLED)
+    dropped = motion.rows - table.rows
+    for at, offset in enumerate(offsets):
+        acts = None if offset.acts is None else taken_at(offset.acts, rows)
+        values = taken_at(offset.values, rows)
+        offsets[at] = dataclasses.replace(offset, values=values, acts=acts)
     step = _cycle(motion, cycle)
-    return ControllerLog(path, motion, tuple(offsets), step, tuple(ignored))
+    return ControllerLog(path, motion, tuple(offsets), step, tuple(ignored), dropped)
 
 
 def _role(text: str) -> str | None:
@@ -194,7 +205,8 @@ def _cycle(motion: Measurement, cycle: float | None) -> float | None:
             "time",
             f"{time[at + 1]:.9g}",
             f"{time[at] + expected:.9g}, a cycle of {1e3 * expected:.6g} ms after the"
-            " row before",
+            " row before. Record every cycle, or give the rows before that line, or those"
+            " from it on, as a file of their own",
         )
     # Stamps are rounded; their mean distance is not.
     step = float((time[-1] - time[0]) / len(steps))

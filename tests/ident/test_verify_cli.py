@@ -179,6 +179,28 @@ def test_the_log_may_use_names_of_axes_and_objects(folder: Path) -> None:
     assert main([*COMMAND, "--increment", "0.0002"]) == 0
 
 
+def test_cycles_that_the_recorder_dropped_change_no_verdict(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_log(folder / "log.csv", offset())
+    head, *rows = (folder / "log.csv").read_text().splitlines()
+    for start in range(100, 2900, 90):
+        rows[start : start + 8] = [""] * 8
+    text = "\n".join([head, *filter(None, rows)])
+    (folder / "log.csv").write_text(text)
+    assert main(COMMAND) == 0
+    printed = capsys.readouterr()
+    assert printed.out.startswith("A3 cross: agrees within 0.")
+    assert (
+        "256 cycles that the recorder dropped, of 3000, were filled in" in printed.err
+    )
+    # More than a moment: nobody knows how the axes got there.
+    del rows[400:500]
+    (folder / "log.csv").write_text("\n".join([head, *filter(None, rows)]))
+    assert main(COMMAND) == 1
+    assert "or those from it on, as a file of their own" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("change", "expected"),
     [

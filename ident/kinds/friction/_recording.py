@@ -9,12 +9,12 @@ from jaxtyping import Float
 from scipy.ndimage import maximum_filter1d
 
 from ....data.measurements import (
-    CellError,
     Measurement,
     MeasurementError,
     MissingRole,
     RoleValues,
     derive_motion,
+    filled_in,
     on_even_clock,
     recorded_motion,
 )
@@ -41,8 +41,8 @@ _NO_LIST = (
 _SHARE = 0.3
 """Of the sample rate, up to which a motion is derived: friction changes with the speed at
 once, so that a smoothed ramp shows another law."""
-_LEAST, _BRIDGED = 100, 4
-"""Samples of a recording, and those missed in a row, that are filled in at most."""
+_BRIDGED = 4
+"""Samples missed in a row that are filled in at most."""
 _APART, _SAME = 10.0, 0.05
 """s between recordings of one fit, and the share that their sample times may differ by."""
 _SLOWER, _WITHIN, _KEPT, _UNSURE = 10.0, 1.0, 0.2, 10.0
@@ -81,14 +81,16 @@ def read_drive(tables: Tables, fit: Spec) -> DriveRecording:
             units, the motion cannot be derived, or no sample tells of kinetic friction.
     """
     axis = fit.axis
-    parts = [_bridged(tables.measured(name, axis)) for name in fit.sources]
-    measured = _one_after_another([part for part, _ in parts])
-    dropped = sum(count for _, count in parts)
+    recorded = [tables.measured(name, axis) for name in fit.sources]
+    parts = [filled_in(part, _BRIDGED)[0] for part in recorded]
+    measured = _one_after_another(parts)
+    dropped = sum(part.rows for part in parts) - sum(part.rows for part in recorded)
     source = str(measured.source)
     role = f"{axis}.current"
     purpose = f"for the friction fit of {axis}"
-    recorded = np.asarray(measured.require(role, purpose), dtype=float)
-    current, spikes = without_spikes(recorded)
+    current, spikes = without_spikes(
+        np.asarray(measured.require(role, purpose), dtype=float)
+    )
     measured = on_even_clock(measured, axis, share=_SHARE)
     motion = _motion(measured, axis)
     spec = tables.job.spec.axes[axis]
@@ -151,36 +153,6 @@ def read_drive(tables: Tables, fit: Spec) -> DriveRecording:
         unsure=" ".join(faults),
         remarks=tuple(remarks),
     )
-
-
-def _bridged(measured: Measurement) -> tuple[Measurement, int]:
-    """Return a recording with the few samples that a recorder drops here and there filled in.
-
-    Each gap else ends a stretch that is filtered by itself, and dozens per second leave none.
-    """
-    time, values = measured.get("time"), dict[str, np.ndarray]()
-    with contextlib.suppress(CellError):
-        values = {role: np.asarray(measured.values[role]) for role in measured.values}
-    if time is None or len(time) < _LEAST or not values:
-        return measured, 0
-    clock = read_clock(np.asarray(time, dtype=float))
-    places = [np.arange(len(time), dtype=float)]
-    for jump in clock.jumps:
-        missed = round(jump.step / clock.sample_time) - 1
-        if jump.kind == "gap" and missed <= _BRIDGED:
-            places.append(jump.row - 1 + np.arange(1, missed + 1) / (missed + 1))
-    at = np.sort(np.concatenate(places))
-    nearest = np.round(at).astype(np.int64)
-    for role, column in values.items():
-        smooth = np.issubdtype(column.dtype, np.floating)
-        values[role] = np.interp(at, places[0], column) if smooth else column[nearest]
-    whole = dataclasses.replace(
-        measured,
-        values=RoleValues(values),
-        rows=len(at),
-        lines=measured.lines[nearest],
-    )
-    return whole, len(at) - len(time)
 
 
 def _one_after_another(parts: Sequence[Measurement]) -> Measurement:

@@ -112,6 +112,9 @@ def reports_of(
     reports: dict[tuple[int, str], LoggedOffset] = {}
     ignored = ", ".join(map(repr, log.ignored))
     remarks = [f"Columns that are not used: {ignored}."] if ignored else []
+    if log.dropped:
+        words = f"{log.dropped} cycles that the recorder dropped, of {log.motion.rows},"
+        remarks.append(f"{words} were filled in from those beside them.")
     for offset in log.offsets:
         if offset.compensation == "offset":
             continue

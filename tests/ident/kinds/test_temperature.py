@@ -149,8 +149,9 @@ def test_planted_values_lie_within_the_stated_deviations_at_the_right_rate(
     # 95 % of 80 within two deviations; 10 misses and more have a chance below 1 %. The
     # sensor noise attenuates slopes by 0.01 %, which is nothing here.
     assert (within < 2.0).mean() > 0.88
-    # Deviations that are twice too large would hide a bad estimate: then 95 % lie within 1.
-    assert (within < 1.0).mean() < 0.82
+    # Deviations that are twice too large would hide a bad estimate: then 95 % lie within 1. For
+    # how long a drift remembers is hardly known from one log: they are up to 1.6 times too large.
+    assert (within < 1.0).mean() < (0.9 if drift else 0.82)
 
 
 def test_drift_makes_deviations_larger_than_independent_readings_would() -> None:
