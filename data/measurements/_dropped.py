@@ -48,5 +48,5 @@ def filled_in(
 def taken_at(column: np.ndarray, rows: Float[np.ndarray, " n"]) -> np.ndarray:
     """Return a column at rows, between whole ones by a line, or the nearest of whole numbers."""
     if np.issubdtype(column.dtype, np.floating):
-        return np.interp(rows, np.arange(len(column)), column)
+        return np.asarray(np.interp(rows, np.arange(len(column)), column))
     return np.asarray(column[np.round(rows).astype(np.int64)])
