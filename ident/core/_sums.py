@@ -94,6 +94,8 @@ class Sums:
 
     def apply(self, values: Float[np.ndarray, " u"]) -> Vector:
         """Return $A^T W A$ × values."""
+        if not self.stack.band:
+            return np.asarray(self.border @ values)
         band, rest = np.split(values, [self.stack.band])
         upper = self.band_matrix @ band + self.cross.T @ rest
         return np.concatenate([upper, self.cross @ band + self.border @ rest])
@@ -238,8 +240,7 @@ def _by_matrix(
     vectors = {"right": right, "tally": np.array(tally, float), "histogram": sizes}
     if former is not None:
         return dataclasses.replace(former, **vectors), residual
-    touching = design.astype(bool).astype(float)
-    support = (touching.T @ active.astype(float)).astype(np.int64)
+    support = design.astype(bool).T @ active.astype(np.int64)
     matrix = _products(stack, design, active.astype(float))
     return Sums(stack, *matrix, **vectors, support=support), residual
 

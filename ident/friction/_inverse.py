@@ -208,7 +208,7 @@ def _search(equation: Equation, view: View, begin: Shape) -> tuple[Shape, bool]:
     @lru_cache(1)
     def evaluated(*shape: float) -> tuple[np.ndarray, np.ndarray]:
         """Return what is left, and its derivative with factors following (Kaufman's part)."""
-        falling = equation.falling(np.array(shape))
+        falling = equation.falling(np.clip(shape, *equation.bounds))
         falling = projected(in_line(falling)).reshape(falling.shape)
         columns = falling[:, :, 0]
         root = rooted(columns.T @ columns)[0]
@@ -217,15 +217,16 @@ def _search(equation: Equation, view: View, begin: Shape) -> tuple[Shape, bool]:
         slopes = np.tensordot(falling[:, :, 1:], factors, (1, 0))
         return target - columns @ factors, columns @ (inverse.T @ slopes) - slopes
 
+    # MINPACK takes half the time of what knows limits: nothing is gained beyond them.
     optimum = least_squares(
         lambda shape: evaluated(*shape)[0],
         begin,
         lambda shape: evaluated(*shape)[1],  # pyright: ignore[reportArgumentType]
-        bounds=equation.bounds,
+        method="lm",
         xtol=_LAST_STEP,
         ftol=_LAST_GAIN,
     )
-    return optimum.x, optimum.success
+    return np.clip(optimum.x, *equation.bounds), optimum.success
 
 
 def _smoothed(

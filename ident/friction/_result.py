@@ -293,8 +293,8 @@ class FrictionFit:
 
     def friction(self, velocity: Float[np.ndarray, " v"]) -> Float[np.ndarray, " v"]:
         """Return the friction at velocities in mm/s, in drive units."""
-        columns = self.structure.columns(velocity, self.shape[None])[0]
-        return np.asarray(columns @ self.factors)
+        law = velocity, self.factors[None], self.shape[None]
+        return np.asarray(self.structure.friction(*law)[:, 0])
 
     def slopes(self, velocity: Float[np.ndarray, " v"]) -> Float[np.ndarray, "v p"]:
         """Return the derivatives of the friction by ``factors`` and ``shape``."""

@@ -164,6 +164,18 @@ class AbstractStructure(abc.ABC):
         signs = self.signs(velocity)
         return np.concatenate([sign[:, None] * profile for sign in signs], axis=2)
 
+    def friction(
+        self, velocity: Trace, factors: Float[np.ndarray, "n k"], shapes: Shapes
+    ) -> Float[np.ndarray, "t n"]:
+        """Return the friction of several laws at velocities in mm/s: `columns` @ factors."""
+        speed = np.abs(velocity)
+        steady, last = self.steady(speed), self.falling(speed, shapes)[:1]
+        by_way = np.moveaxis(factors.reshape(len(factors), self.ways, -1), 0, 2)
+        levels = steady @ by_way[:, : steady.shape[1]]
+        for falling in last:
+            levels += falling.T * by_way[:, -1:]
+        return np.asarray((self.signs(velocity)[:, :, None] * levels).sum(axis=0))
+
     def bent(self, velocity: Trace, factors: Float[np.ndarray, " k"]) -> Trace:
         """Return how far a smooth curve lies from what the law draws in straight lines."""
         del factors
@@ -319,8 +331,7 @@ class Laws:
 
     def friction(self, velocity: Trace) -> Float[np.ndarray, "t n"]:
         """Return the friction of each at velocities in mm/s, in drive units."""
-        columns = self.structure.columns(velocity, self.shapes)
-        return np.asarray((columns @ self.factors[:, :, None])[:, :, 0].T)
+        return self.structure.friction(velocity, self.factors, self.shapes)
 
 
 def range_of(speed: Trace) -> tuple[float, float]:

@@ -96,7 +96,8 @@ class View:
 
     def __init__(self, equation: Equation, weights: Weights, shape: Shape) -> None:
         self.equation = equation
-        self.root, self._basis = np.sqrt(weights.share)[:, None], None
+        self.share, self._basis = weights.share[:, None], None
+        self.root = np.sqrt(self.share)
         free = equation.recording.noise_free
         if free is not None:
             fine = Equation(free, equation.structure)
@@ -114,6 +115,8 @@ class View:
     def rows(self, columns: Float[np.ndarray, "s k"]) -> Rows:
         """Return weighted rows of columns."""
         target = self.equation.recording.target
+        if self._basis is None:
+            return Rows(self.share * columns, columns, target)
         return Rows(self.root * self.weighted(columns), columns, target)
 
 

@@ -17,7 +17,7 @@ from ...models import (
     FrictionTable,
 )
 
-_FORGOTTEN = 30.0
+_FORGOTTEN = 20.0
 """Time constants of the loop after which its state at the start no longer matters."""
 _GAINS = 50.0, 300.0, 100.0
 """Of a cascade with velocity feed-forward, in 1/s: position gain Kv, bandwidth of the velocity
