@@ -333,12 +333,15 @@ def _turn_remarks(draft: "TableDraft") -> Iterator[Remark]:
         state = f'bilateral = true and their direction ("{draft.axis}.direction")'
     cell = 2 * place.reshape(-1) + turn
     counts = np.bincount(cell, minlength=2 * len(visits))
-    if counts.min() < 2:
+    told = way is not None and len(visits) >= _FEW
+    if counts.min() < (1 if told else 2):
         return
     mean = np.bincount(cell, error) / counts
-    free = max(len(error) - len(counts), 1)
-    scatter = float(np.sqrt(np.sum((error - mean[cell]) ** 2) / free))
-    apart = abs(float(np.mean(mean[::2] - mean[1::2])))
+    between, free = mean[::2] - mean[1::2], len(error) - len(counts)
+    scatter = float(np.sqrt(np.sum((error - mean[cell]) ** 2) / max(free, 1)))
+    if not free:  # one pass each way: by what both differ by from place to place
+        scatter = float(np.std(between, ddof=1)) / np.sqrt(2.0)
+    apart = abs(float(np.mean(between)))
     remedy = f"State {state}, or fit a backlash beside it."
     if not hasattr(draft.fit, "bilateral"):
         over = " and ".join(draft.fit.over)

@@ -298,8 +298,11 @@ def test_nodes_too_far_apart_for_readings_that_repeat_are_told(
     assert ("Readings of a place repeat within 0." in said) == told
 
 
-def test_lost_motion_under_a_table_for_both_directions_is_told(tmp_path: Path) -> None:
-    place, run = np.tile(NODES, 6), np.repeat(np.arange(6.0), len(NODES))
+@pytest.mark.parametrize("passes", [2, 6])
+def test_lost_motion_under_a_table_for_both_directions_is_told(
+    tmp_path: Path, passes: int
+) -> None:
+    place, run = np.tile(NODES, passes), np.repeat(np.arange(float(passes)), len(NODES))
     way = 1.0 - 2.0 * (run % 2)
     seen = error(place) + 0.008 * (way < 0)
     seen += 3e-4 * np.random.default_rng(4).normal(size=len(place))
@@ -311,7 +314,10 @@ def test_lost_motion_under_a_table_for_both_directions_is_told(tmp_path: Path) -
     path.write_text(text.replace(columns, f'{columns}\n"X.direction" = "direction"'))
     (screw,) = run_job(path, tmp_path / "out").fits
     said = " ".join(remark.message for remark in screw.remarks)
-    assert "Readings in + direction lie 8 µm from those in −" in said
+    # Of two passes the mean of 13 differences is known to 0.12 µm.
+    assert re.search(
+        r"in \+ direction lie (7\.[89]|8(\.[12])?) µm from those in −", said
+    )
 
 
 def test_beside_a_drift_the_constant_is_known_as_well_as_the_drift(
