@@ -183,8 +183,8 @@ def measurement(
     Args:
         table: As read. Channels of several sample times are brought to the instants of
             the slowest one that is used; remarks say how.
-        columns: Column per role. Left out or empty: the roles that the file names
-            itself.
+        columns: Column per role. Left out, empty or values alone: beside them the roles
+            that the file names itself.
         axis: Axis of a file that names roles without an axis (ISO 230-2 run table,
             laser table), or axis whose error a mesh shows (Z where left out).
         masters: Axes that x and y of a mesh stand for; left out: as the file says.
@@ -207,7 +207,10 @@ def measurement(
     """
     source = str(table.path)
     _of_one_kind(table)
-    mapping = dict(columns or {}) or own_roles(table, axis, masters)
+    mapping = dict(columns or {})
+    if all(spec.value is not None for spec in mapping.values()):
+        # What a file does not hold takes nothing from the roles that it names.
+        mapping = own_roles(table, axis, masters) | mapping
     if not mapping:
         names = ", ".join(column.header or column.name for column in table.columns[:12])
         reason = (

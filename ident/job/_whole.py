@@ -287,7 +287,7 @@ class _Axis:
                 warm = {k: clocked(time, v).structure(lags[k]) for k, v in warm.items()}
             motion = dataclasses.replace(motion, temperatures=warm)
             added = added_beyond(loaded, before, spec.active, motion)
-            if draft.kind.table and spec.at_reference:
+            if spec.at_reference and not draft.warmth:
                 # Lengths as they are where no law acts.
                 laws = (d.compensation for d in self.drafts if d.warmth)
                 added |= dict.fromkeys(laws, np.zeros(motion.rows))

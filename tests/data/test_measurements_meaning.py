@@ -384,6 +384,17 @@ def test_the_job_counts_the_points_of_a_centroid_table(tmp_path: Path) -> None:
     np.testing.assert_allclose(found.require("X.error"), [0.0, 32e-4, 38e-4, 47e-4])
 
 
+def test_a_value_that_the_job_states_stands_beside_the_roles_that_a_file_names(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "laser.csv"
+    path.write_text("Soll [mm];Fehler [um]\n0;1\n10;2\n")
+    stated = {"temperature.bed": ColumnSpec("", value=23.0)}
+    found = measurement(read_table(path), stated, axis="X")
+    assert found.require("X.error").tolist() == [1e-3, 2e-3]
+    assert found.require("temperature.bed").tolist() == [23.0, 23.0]
+
+
 @pytest.mark.parametrize("top", ["Error x 0.1 um\n", "Abweichung in 1/10 µm\n"])
 def test_tenths_of_a_unit_are_no_whole_units(tmp_path: Path, top: str) -> None:
     found = read(tmp_path, top + "Soll [mm];Fehler\n0;1\n10;2\n")

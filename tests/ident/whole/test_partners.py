@@ -454,11 +454,18 @@ def test_table_beside_a_temperature_law_asks_how_warm_it_was_measured(
     assert (tmp_path / "out" / "rejected" / "achskw1.lis").exists()
 
 
+@pytest.mark.parametrize("lost", ["", "backlash"])
 def test_table_of_lengths_at_the_reference_temperature_stands_beside_a_law(
-    tmp_path: Path,
+    tmp_path: Path, lost: str
 ) -> None:
     more = "expansion = 5.0\nmaterial_temperature = 30.0"
-    assert fit(tmp_path, beside_heat(tmp_path, more=more)) == 0
+    text = beside_heat(tmp_path, more=more)
+    if lost:  # from the readings of the table, which are as long
+        laser(tmp_path, slope=SLOPE, width=0.004)
+        text += (
+            f'[[fits]]\ncompensation = "{lost}"\naxis = "X"\nmeasurement = "laser"\n'
+        )
+    assert fit(tmp_path, text) == 0
     listing = ListFile.read(tmp_path / "out" / "achskw1.lis")
     # Twice the slope would leave 20 µm; 0.1 µm of noise on six readings per node.
     assert np.ptp(SCREW + screw_by_hand(listing)) < 5e-4
