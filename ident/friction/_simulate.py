@@ -43,7 +43,7 @@ TOLERANCE, ROUGHLY = 3e-3, 0.1
 its square. Roughly: where only a start is sought."""
 _IPOPT_TOLERANCE = 1e-3
 """IPOPT ends where the cost stands still by 1e-7 of itself, as kinks leave a gradient."""
-_STEPS, _IPOPT_STEPS = 80, 50
+_STEPS, _IPOPT_STEPS = 80, 300
 _INSIDE = 1.0 - 1e-6
 """Farthest place of a start between its limits, which are at −1 and 1."""
 _SPEEDS = 32

@@ -144,10 +144,15 @@ def gate_remarks(
 ) -> Iterator[Remark]:
     """Yield what the lines of the gate for a fit leave to say, beside all fits of its axis."""
     if not draft.converged:
+        remedy = (
+            "Look at the readings that contradict the others: measure them again, or leave them"
+            " out (skip); or take nodes that can follow them."
+        )
+        if draft.kind.adds_current:
+            remedy = "Record more speeds, each for longer and in both directions."
         yield Remark.error(
             f"The iterations of the {draft.name} did not settle: its values are not those that"
-            " its readings ask for. Look at the readings that contradict the others: measure"
-            " them again, or leave them out (skip); or take nodes that can follow them."
+            f" its readings ask for. {remedy}"
         )
     kind, judged = draft.kind, any(check.name == "max_change" for check in gate)
     if draft.job.spec.gate.max_change is not None and not (
