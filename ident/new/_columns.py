@@ -220,7 +220,10 @@ def meaning_of(table: Table, axes: Sequence[str] = ()) -> Meaning:
     if table.advice:  # it has the error
         named = [each for each in named if each.kind != "error"]
     if table.format in MESH_FORMATS:
-        return Meaning(axes[0] if axes else "Z", {}, {}, (), unused)
+        # Its heights lie over X and Y: these are no axes whose error it shows.
+        others = [axis for axis in axes if axis not in ("X", "Y")]
+        heights = others[0] if others and "Z" not in axes else "Z"
+        return Meaning(heights, {}, {}, (), unused)
     if not axes:
         _refuse_tilts(table, named)
     named = seen_together(table, named)

@@ -20,7 +20,7 @@ from ..job import (
 )
 from ..kinds import kind
 from ..proof import GateLimits
-from ..readings import Observation
+from ..readings import Observation, away_from
 from ._columns import Meaning, own_roles
 from ._fits import Suggestion, trend_in
 from ._names import says_compensated
@@ -159,6 +159,18 @@ class Contents:
         """Return the first fit of a measurement that a list holds already, with that list."""
         held = ((fit, self.holder(fit)) for fit in self.plain(source))
         return next(((fit, holder) for fit, holder in held if holder is not None), None)
+
+    def warm(self, source: Source) -> tuple[str, float] | None:
+        """Return a sensor that shows lengths read off the reference temperature, and its °C."""
+        lengths = any(fit.over == (fit.axis,) for fit in self.plain(source))
+        data = self.observation.data
+        rows = data.source == self.observation.names.index(source.name)
+        reference = self.job.spec.measurements[source.name].reference_temperature
+        warmth = (
+            (sensor, away_from(reference, values[rows]))
+            for sensor, values in (data.temperature if lengths else {}).items()
+        )
+        return next(((sensor, at) for sensor, at in warmth if at is not None), None)
 
     def zero(self, source: Source) -> Zero | None:
         """Return the constant and slope that stand out of the readings of a fit, if any do.

@@ -25,8 +25,10 @@ from ._readings import (
 from ._rows import (
     IN_SHOP as IN_SHOP,
     POSITION_ORDER as POSITION_ORDER,
+    SENSOR as SENSOR,
     SHOP as SHOP,
     Rows as Rows,
+    away_from as away_from,
     reference_words as reference_words,
     sensor_name as sensor_name,
 )

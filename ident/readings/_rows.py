@@ -44,6 +44,8 @@ IN_SHOP = (
     ' them has unit = "degF" or "K"'
 )
 """What is expected of the temperature of an axis, and what to look at."""
+_COOL = 1.0
+"""K off the reference temperature that nobody minds."""
 _SPARSE, _MISSED = 0.5, 3.0
 """Share of the rows below which a logger of temperatures is slower than the rows; how many of its
 readings in a row may be missed."""
@@ -464,6 +466,14 @@ def fresh_readings(
     found[np.minimum(rows, len(warm) - 1)] = True
     usual = float(np.median(np.diff(time[found])))
     return found if np.diff(time).max() < 0.5 * usual else all_of_them
+
+
+def away_from(degrees: float, warm: Float[np.ndarray, " t"]) -> float | None:
+    """Return the median of temperatures in °C where lengths change by it, else None."""
+    known = warm[np.isfinite(warm)]
+    usual = float(np.median(known)) if known.size else degrees
+    seen = SHOP[0] <= usual <= SHOP[1] and abs(usual - degrees) > _COOL
+    return usual if seen else None
 
 
 def reference_words(

@@ -10,12 +10,15 @@ from jaxtyping import Bool, Float, Int
 
 from ....data.measurements import DirectionUnknown, derive_error
 from ..._recording import CHANNELS, JointData, stacked
+from ...kinds import kind
 from ...kinds._keys import FitSpec
 from ...readings import (
     POSITION_ORDER,
+    SENSOR,
     Readings,
     Rows,
     Tables,
+    away_from,
     cycles_of,
     joined,
     joined_runs,
@@ -43,6 +46,8 @@ _WINDOW = 7
 _GLITCH, _LEAST_GLITCH, _MOST_GLITCHES = 8.0, 1.0, 0.1
 """Distance from the neighbours that no structure can follow: in typical distances, and in K
 below which it is none in any case; share of the readings up to which there are such."""
+_STEEL = 11.5
+"""Expansion of steel in µm/m per K."""
 _TAKEN_UP, _LONGEST = 0.02, 1.0
 """Way after a reversal in which the play is taken up: share of the travel, and mm or °."""
 
@@ -174,6 +179,7 @@ def read_group(
     time = joined([part.time for part in parts])
     slices = rows_of(lead.sources, counts)
     remarks += _grown(tables.job, members, columns, slices)
+    remarks += _warm(tables.job, members, every)
     specs = [tables.job.spec.measurements[name] for name in lead.sources]
     zeroed = any(spec.remove != "none" or spec.datum is not None for spec in specs)
     # Runs without an offset: it is what tells the temperature, unless that moves no whole axis
@@ -252,6 +258,39 @@ def _grown(
         words = longer_than({k: (place[at], error[at]) for k, at in slices.items()})
         if words:
             yield Remark.warning(f"{words}. What is written holds a mean of them.")
+
+
+def _warm(
+    job: "Job", members: Sequence["AbstractPlan"], every: Mapping[str, Rows]
+) -> Iterator[Remark]:
+    """Yield that lengths were read away from the reference temperature, and hold what that does."""
+
+    def heated(names: Iterable[str]) -> bool:
+        return any("temperature" in kind(name).follows for name in names)
+
+    for axis in _unique((m.axis,) for m in members if m.fit.lengths):
+        laws = [fit.compensation for fit in job.spec.fits if fit.axis == axis]
+        if heated(laws) or job.spec.axes[axis].unit != "mm":
+            continue
+        for name, rows in every.items():
+            spec = rows.spec
+            if spec.at_reference or spec.remove == "line" or heated(spec.active):
+                continue
+            values, degrees = (
+                rows.measured.values.with_gaps(),
+                spec.reference_temperature,
+            )
+            for sensor in rows.sensors:
+                warm = np.asarray(values[f"{SENSOR}{sensor}"], float)
+                if (usual := away_from(degrees, warm)) is None:
+                    continue
+                yield Remark.warning(
+                    f"Measurement {name!r} was read at {usual:.3g} °C ({sensor}), and its lengths"
+                    f" are not brought to {degrees:g} °C: what is written holds what {axis} has"
+                    f" grown by, {_STEEL * (usual - degrees):+.3g} µm/m if it is of steel. State"
+                    f' expansion and material_temperature = "{sensor}" of it, or'
+                    " already_compensated = true where the instrument did that itself."
+                )
 
 
 def _own_zero(

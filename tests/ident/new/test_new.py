@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from axcomp.ident.cli import main
-from axcomp.ident.job import load_job
+from axcomp.ident.job import load_job, run_job
 from axcomp.ident.new import open_question
 
 from .conftest import answer
@@ -460,7 +460,8 @@ def test_what_moved_with_other_axes_names_the_other_fits_and_discover(
     assert "axcomp discover job.toml --write fits.toml" in text
 
 
-def test_a_mesh_names_its_columns_itself(tmp_path: Path) -> None:
+@pytest.mark.parametrize("axes", ["ZXY", "XYZ"])
+def test_a_mesh_names_its_columns_itself(tmp_path: Path, axes: str) -> None:
     mesh = "[bed_mesh default]\nversion = 1\npoints =\n"
     mesh += "".join("  0.01, 0.02, 0.04\n" for _ in range(3))
     mesh += "".join(
@@ -469,11 +470,33 @@ def test_a_mesh_names_its_columns_itself(tmp_path: Path) -> None:
             "x_count": 3, "y_count": 3, "min_x": 0, "max_x": 20, "min_y": 0, "max_y": 20
         }.items()
     )  # fmt: skip
-    options = [each for k, n in enumerate("ZXY", 1) for each in ("--axis", f"{n}={k}")]
+    options = [each for k, n in enumerate(axes, 1) for each in ("--axis", f"{n}={k}")]
     job = new(tmp_path, mesh, *options, name="printer.cfg")
     spec = load_job(job).spec
     assert spec.measurements["printer"].columns == {}
     assert (spec.fits[0].compensation, spec.fits[0].axis) == ("plane", "Z")
+
+
+@pytest.mark.parametrize(("degrees", "told"), [(24.0, True), (20.5, False)])
+def test_lengths_read_off_the_reference_temperature_are_told(
+    tmp_path: Path, degrees: float, told: bool
+) -> None:
+    rows = "".join(
+        f"{20 * k};{0.2 * k + k % 3};{degrees}\n" for k in [*range(11), *range(11)]
+    )
+    head = "Soll [mm];Fehler [um];Material [degC]\n"
+    job = new(tmp_path, head + rows, "--axis", "X=1")
+    text = job.read_text()
+    assert ("read at 24 °C (material). To bring its lengths to 20 °C" in text) == told
+    assert ('# material_temperature = "material"' in text) == told
+    job.write_text(text.replace('#? remove = "none"', 'remove = "none"'))
+    (screw,) = run_job(job, tmp_path / "out").fits
+    said = " ".join(remark.message for remark in screw.remarks)
+    assert ("holds what X has grown by, +46 µm/m if it is of steel" in said) == told
+    stated = job.read_text().replace("# expansion", "expansion")
+    job.write_text(stated.replace("# material_temp", "material_temp"))
+    (screw,) = run_job(job, tmp_path / "out").fits
+    assert not any("grown by" in remark.message for remark in screw.remarks)
 
 
 def test_columns_that_name_no_role_are_asked_for(
