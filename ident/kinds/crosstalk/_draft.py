@@ -16,7 +16,7 @@ from ...job._draft import AbstractDraft, Foreseen
 from ...job._gating import leaves_what_was_predicted, spread_over
 from ...job.result._result import Remark, staged
 from ...proof import GateCheck, error_figures, reversal_dynamics
-from ._events import cut_events, directed, held_shares
+from ._events import added_by, cut_events, held_shares
 from ._result import SHORT, CrosstalkResult, remarks_of
 from .effect import CrosstalkFit, full_offsets
 from .entries import crosstalk_from_list, entries_of_crosstalk
@@ -222,15 +222,11 @@ class CrosstalkDraft(AbstractDraft):
         self, model: Crosstalk | LegacyCrosstalk | None
     ) -> Float[np.ndarray, " t"]:
         """Return what a list adds in each row beyond what acted already, in mm."""
-        active = self.plan.acting
+        log, form, active = self.log, self.found.effect, self.plan.acting
         if model is None:
-            return np.zeros(len(self.log))
-        # Beside an event the direction is that of the event.
-        form = self.found.effect
-        pull, speed, *places = form.columns_of(directed(self.log, form))
-        motion = pull, speed, np.reshape(places, (-1, len(pull))).T
-        added = np.asarray(model.offset(*motion))
-        return added if active is None else added - np.asarray(active.offset(*motion))
+            return np.zeros(len(log))
+        added = added_by(model, log, form)
+        return added if active is None else added - added_by(active, log, form)
 
     @functools.cached_property
     def coverage(self) -> float:

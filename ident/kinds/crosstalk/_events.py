@@ -8,6 +8,8 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from .... import models
+from ....data.signals import travel_direction
 from ..._recording import JointData
 from ...core import FitError, filled, regress
 from ...fit.joint import Crosstalk
@@ -52,6 +54,9 @@ _FAR = 6.0
 """Residual, in the median one, up to which no reading of a window is suspected to be wild."""
 _BY_PLACE = 0.3
 """Share of what changes in the error between accelerations that its slope over the master is."""
+_STANDS, _JUMPS = 0.01, 6.0
+"""Share of its highest speed below which the master stands, and deviations from which on a jump
+at its turns is one."""
 _GAIN = 0.05
 """Relative fall of the residual's standard deviation below which there is no delay."""
 
@@ -84,6 +89,16 @@ def directed(data: JointData, form: Crosstalk) -> JointData:
         velocity[rows] = direction * np.maximum(speed, _LEAST_SPEED)
     (_, mover) = form.inputs[1]
     return dataclasses.replace(data, velocity={**data.velocity, mover: velocity})
+
+
+def added_by(
+    model: models.AbstractCrosstalk, data: JointData, form: Crosstalk
+) -> Float[np.ndarray, " t"]:
+    """Return what a list of the axes of a form adds in each row of a log, in mm, unfiltered."""
+    # Beside an event the direction is that of the event.
+    pull, speed, *places = form.columns_of(directed(data, form))
+    motion = pull, speed, np.reshape(places, (-1, len(pull))).T
+    return np.asarray(model.offset(*motion))
 
 
 def logs_of(data: JointData) -> Int[np.ndarray, " t"]:
@@ -494,6 +509,39 @@ def without_delay(data: JointData, form: Crosstalk) -> tuple[JointData, float]:
         return data, 0.0
     aligned = padded[reach + lag :][: len(error)]
     return dataclasses.replace(data, error={form.axis: aligned}), lag * step
+
+
+def without_jump(data: JointData, form: Crosstalk) -> tuple[JointData, float]:
+    """Return a log without what its error jumps by where the master turns, and how far, in mm.
+
+    Told by what changes from one stretch without acceleration to the next, beside speed and place
+    of the master, and a drift; 0 where none shows. Starts after a turn would hold it.
+    """
+    time, error = data.clock_for(form.name), data.error[form.axis]
+    speed = np.nan_to_num(data.velocity[form.master])
+    place, log = np.cumsum(speed * np.gradient(time)), logs_of(data)
+    way = travel_direction(place).astype(float)
+    # Whence it came before that nobody recorded.
+    moved = np.abs(speed) > _STANDS * float(np.abs(speed).max(initial=0.0))
+    still = np.maximum.accumulate(moved) & (_shares_of(data, form)[1] < 0)
+    still &= np.isfinite(error)
+    means = np.array(
+        [
+            [column[start:stop].mean() for column in (error, way, speed, place, time)]
+            for start, stop in _stretches(still, way, log)
+            if still[start]
+        ]
+    ).reshape(-1, 5)
+    change = np.diff(means, axis=0)
+    try:
+        found = regress(change[:, 1:], change[:, 0])
+    except FitError:  # too few of them, or it never turned
+        return data, 0.0
+    half, deviation = float(found.coefficients[0]), np.sqrt(found.covariance[0, 0])
+    if not abs(half) > _JUMPS * deviation:
+        return data, 0.0
+    straight = dataclasses.replace(data, error={form.axis: error - half * way})
+    return straight, 2.0 * half
 
 
 def from_place(

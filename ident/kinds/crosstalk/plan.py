@@ -19,7 +19,14 @@ from ...job.table._plan import was_active
 from ...readings import Tables
 from . import SAFE_TESTS
 from ._draft import CrosstalkDraft
-from ._events import cut_events, follows_speed, specified, without_delay
+from ._events import (
+    added_by,
+    cut_events,
+    follows_speed,
+    specified,
+    without_delay,
+    without_jump,
+)
 from .effect import CrosstalkFit, are_among, fit_crosstalk
 from .entries import ENTRIES, crosstalk_from_list
 from .keys import Spec
@@ -185,10 +192,21 @@ class CrosstalkPlan(AbstractPlan):
         fitted = self._found(log)
         recorded = log
         log, delay = without_delay(log, fitted.effect)
-        if delay:
+        log, jump = without_jump(log, fitted.effect)
+        if delay or jump:
             fitted = self._found(log)
         remarks = recording.remarks
-        if follows_speed(recorded, log, fitted.effect):
+        if jump:
+            words = (
+                f"The error of {self.axis} jumps by {1e3 * jump:+.2g} µm where"
+                f" {self.fit.master} turns to positive direction. No acceleration makes that,"
+                " and no list holds it: it was taken off. Look at the guides of both axes."
+            )
+            remarks = (*remarks, Remark.warning(words))
+        # What the filter of an active list leaves of an event is no speed.
+        form = fitted.effect
+        whole, aligned = (self._without_list(each, form) for each in (recorded, log))
+        if follows_speed(whole, aligned, form):
             words = (
                 f"The error of {self.axis} follows the speed of {self.fit.master} better than"
                 f" its acceleration: that is no crosstalk. So does what {self.axis} lags"
@@ -198,6 +216,13 @@ class CrosstalkPlan(AbstractPlan):
             remarks = (*remarks, Remark.error(words))
         base = self.job, self.index, self.fit, self
         return CrosstalkDraft(*base, fitted, log, remarks, delay)
+
+    def _without_list(self, log: JointData, form: Crosstalk) -> JointData:
+        """Return a log as it would be without the list that acted, but for its filter."""
+        if self.acting is None:
+            return log
+        error = log.error[self.axis] - added_by(self.acting, log, form)
+        return dataclasses.replace(log, error={self.axis: error})
 
     def draft(self, share: "Share") -> CrosstalkDraft:
         part, form, rows = share.part, share.part.effect, share.rows
