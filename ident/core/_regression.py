@@ -42,6 +42,8 @@ _THIN = 20_000
 """Readings that tell their spread."""
 _BELIEF = 2.0
 """Readings that a scatter known beforehand counts for."""
+_QUIETEST = 0.5
+"""Share of it that a few readings which agree by luck may scatter by."""
 _MANY = 4_000
 """Readings from which the variances are sought on a part of them."""
 _RATIOS, _TIMES = (1e-3, 1e3, 9), 7
@@ -265,7 +267,7 @@ def regress(
         msg = "the readings cannot tell the columns apart."
         raise FitError(msg)
     size = basis.shape[1]
-    reduced, floor = design @ basis, max(least_scale(target), 0.1 * (noise or 0.0))
+    reduced, floor = design @ basis, max(least_scale(target), _QUIETEST * (noise or 0.0))
     start = _least_magnitudes(reduced, target, loss)
     fit = estimate_columns(reduced, target, loss, floor, start)
     residual = target - reduced @ fit.centre
