@@ -124,7 +124,7 @@ def check_samples(samples: DriveSamples) -> None:
         row = int(backward[0]) + 1
         msg = (
             f"sample {row + 1}: the clock goes from {samples.time[row - 1]:.6g} s to "
-            f"{samples.time[row]:.6g} s, expected ascending times."
+            f"{samples.time[row]:.6g} s, expected ascending times: record them with more digits."
         )
     elif (speed is None) != (acceleration is None) and samples.acceleration is not None:
         msg = "instruments: expected both velocity and acceleration, found one of them."

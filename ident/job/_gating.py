@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from ...data.lists import ListFile
 from ..proof import GateCheck, choose_cycles, error_figures, gate_check
-from ..proof.axis import MOST_CYCLES, largest_step, switching_cycles
+from ..proof.axis import MOST_CYCLES, largest_step
 from .file._load import Job
 from .result._result import Remark
 from .result._verdict import GAIN
@@ -69,7 +69,7 @@ def switching_remarks(draft: "TableDraft") -> Iterator[Remark]:
         yield Remark.info(words)
         return
     advice = "n_cycles can be no larger"
-    if cycles < (switching_cycles(jump, limit) or 0):
+    if cycles < spread[1] and largest_step(jump, spread[1]) <= limit:
         advice = "leave n_cycles out of the job, and it is chosen"
     words += f" That is more than max_switching ({limit:g} {unit}): {advice}. Else"
     half = 0.5 * float(np.ptp(draft.offset))

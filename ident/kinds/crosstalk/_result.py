@@ -316,11 +316,16 @@ def _of_missing_tests(fit: CrosstalkFit) -> Iterator[Remark]:
     missing = np.isnan(fit.values)
     empty = [BRANCHES[k] for k in np.flatnonzero(missing.all(axis=1))]
     if empty:
+        remedy = f"Measure {fit.effect.master} with acceleration and deceleration in both directions."
+        if len(np.unique(fit.events.branch)) == len(BRANCHES):
+            remedy = (
+                f"There are more tests than places of {' and '.join(fit.effect.adaptation)} where"
+                " it accelerated: leave positions out, or state those places."
+            )
         yield Remark.error(
             f"Nothing is known for {' and '.join(empty)}: the entries of a test are"
             " written all four or not at all, since a missing one would be 0 in the"
-            f" controller, so no test can be written. Measure {fit.effect.master} with"
-            " acceleration and deceleration in both directions."
+            f" controller, so no test can be written. {remedy}"
         )
         return
     for number in np.flatnonzero(missing.any(axis=0)):
@@ -332,6 +337,8 @@ def _of_missing_tests(fit: CrosstalkFit) -> Iterator[Remark]:
 
 
 def _why_nothing(fit: CrosstalkFit) -> Iterator[Remark]:
+    if not np.isfinite(fit.values).any():
+        return  # said with the missing tests
     if not fit.significant:
         largest = 1e3 * float(np.nanmax(np.abs(fit.values), initial=0.0))
         yield Remark.warning(

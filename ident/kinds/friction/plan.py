@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, final
 import numpy as np
 
 from ....data.lists import Value
+from ....data.signals import quantile
 from ....data.units import small_unit
 from ....models import FrictionCompensation, FrictionTable, Setpoints
 from ...friction import Knots, place_knots
@@ -39,6 +40,8 @@ _MOST_DELAY = 0.001
 """mm: P-COMP-00043 goes no further."""
 _SURE = 3.0
 """Standard deviations from which on an inertia or a load is one."""
+_USUAL, _FASTER = 0.98, 3.0
+"""Quantile that is the highest speed of a direction, and how many times that of the other."""
 _COARSE = 0.05
 """Share of the friction by which entries may miss the law before it is said."""
 
@@ -266,6 +269,17 @@ class FrictionDraft(AbstractDraft):
             yield Remark.warning(
                 f"The two directions differ by {share:.0%} of the friction on"
                 " average. A list knows no direction: it gives the mean of both."
+            )
+        samples = self.recording.samples
+        velocity = samples.velocity[samples.in_motion]
+        slower, faster = sorted(
+            quantile(np.abs(velocity[way * velocity > 0]), _USUAL) for way in (1, -1)
+        )
+        if faster > _FASTER * slower:
+            yield Remark.warning(
+                f"One direction was driven at up to {faster:.3g} {samples.unit}/s, the other at up"
+                f" to {slower:.3g} only: above that the list gives what the first one shows."
+                " Record both directions at all speeds."
             )
         misfit = knots.current(curve.speed) - self.level * curve.mean
         missed = float(np.sqrt(curve.weight @ np.square(misfit)))

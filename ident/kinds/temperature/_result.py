@@ -298,9 +298,15 @@ def _undetermined(draft: "TemperatureDraft") -> Iterator[Remark]:
             clock
         ):
             over = f"{fit.noise.time_constant / 60:.3g} minutes"
+        advice = ""
+        if clock is not None and draft.fit.group is None:
+            advice = (
+                " Where the instrument may be what drifts, state drift = 6 of the measurement and"
+                " a group of this fit: lag and law are then found beside it."
+            )
         yield Remark.warning(
             f"The residuals drift over {over}: the {len(fit.error)} readings tell no more than"
-            f" {max(fit.independent, 1):.0f} independent ones would."
+            f" {max(fit.independent, 1):.0f} independent ones would.{advice}"
         )
 
 

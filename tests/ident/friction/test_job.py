@@ -689,6 +689,10 @@ def test_each_direction_counts_at_the_speeds_that_it_saw(tmp_path: Path) -> None
     np.testing.assert_allclose(
         found.knots.current(np.array([100.0, 290.0])), truth, rtol=0.04
     )
+    said = " ".join(remark.message for remark in found.remarks)
+    assert re.search(
+        r"driven at up to 300 mm/s, the other at up to 1[45](\.\d)? only", said
+    )
     # The positive law, a steep line, is held where it ends.
     ends = found.curve.speed > 16.0
     assert np.ptp(found.curve.currents[0][ends]) < 1e-9

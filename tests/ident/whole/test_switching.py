@@ -68,6 +68,16 @@ def test_sag_of_almost_a_millimetre_is_stopped_and_says_what_to_do(
     assert not (tmp_path / "out" / "achskw3.lis").exists()
 
 
+@pytest.mark.parametrize(("size", "chosen"), [(0.12, True), (0.9, False)])
+def test_n_cycles_is_left_to_the_job_only_where_the_most_are_enough(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], size: float, chosen: bool
+) -> None:
+    edge(tmp_path, size=size)
+    assert fit(tmp_path, AXES + measured("edge") + CROSS + "n_cycles = 3\n") == 1
+    said = " ".join(capsys.readouterr().out.split())
+    assert ("leave n_cycles out of the job" in said) == chosen
+
+
 def test_sag_passes_where_the_builder_allows_it(tmp_path: Path) -> None:
     edge(tmp_path, size=0.9)
     gate = (
