@@ -112,6 +112,20 @@ def test_a_convention_that_the_log_tells_is_settled(
     assert name in found.settled
 
 
+def test_accelerations_of_rounded_positions_make_up_no_filter(tmp_path: Path) -> None:
+    motion = Motion(COMMAND, {}, TIME)
+    (one,) = simulate((SHAKE,), motion, Reading(Conventions()))
+    # 0.1 µm in 1 ms are 100 mm/s², a third of the full acceleration.
+    place = np.round(COMMAND[2], 4)
+    rows = np.column_stack([TIME, COMMAND[1], place, one.parts["crosstalk"]])
+    file, head = tmp_path / "log.csv", "time,A1.position,A2.position,A1.crosstalk"
+    np.savetxt(file, rows, fmt="%.9f", delimiter=",", header=head, comments="")
+    (found,) = verify_log((SHAKE,), read_log(file), Reading(Conventions())).verdicts
+    assert not {"lag", "filter"} & {*found.verdict}
+    assert "Log A2.velocity and A2.acceleration as well" in found.sentence
+    assert "filter_delay" not in found.settled
+
+
 def test_what_is_assumed_is_settled_as_well(tmp_path: Path) -> None:
     found = logged(tmp_path, CROSS)
     assert found.agrees

@@ -316,7 +316,10 @@ def _of_missing_tests(fit: CrosstalkFit) -> Iterator[Remark]:
     missing = np.isnan(fit.values)
     empty = [BRANCHES[k] for k in np.flatnonzero(missing.all(axis=1))]
     if empty:
-        remedy = f"Measure {fit.effect.master} with acceleration and deceleration in both directions."
+        remedy = (
+            f"Measure {fit.effect.master} with acceleration and deceleration in both"
+            " directions."
+        )
         if len(np.unique(fit.events.branch)) == len(BRANCHES):
             remedy = (
                 f"There are more tests than places of {' and '.join(fit.effect.adaptation)} where"

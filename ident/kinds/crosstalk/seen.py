@@ -7,6 +7,7 @@ from typing import final
 import numpy as np
 from jaxtyping import Float
 
+from ....data.signals import resolution
 from ....models import BilinearGrid, Conventions, Crosstalk
 from ...diagnosis.probe._probe import Masters, Outcome, Outcomes, ProbeAxis, Probed
 from ...exchange._identity import optional
@@ -16,6 +17,8 @@ from ...proof.verify import AbstractChannel, Change, LogRows, Parts, Way
 from .._protocol import AbstractProbe
 from .entries import PREFIX, entries_of_crosstalk
 
+_BLURRED = 0.01
+"""Noise of an acceleration, in that of the list, from which on it makes up delays and filters."""
 QUADRANTS = (0.010, 0.008, 0.006, 0.004)
 """In mm, one height per quadrant, in the order of the list's entries."""
 
@@ -52,6 +55,18 @@ class CrosstalkChannel(AbstractChannel):
             swaps.insert(0, (dynamic, places[1], places[0]))
         self.swaps = tuple(swaps)
         _ = self.parts(self.plain, slice(0, 1))  # a log without a master is refused
+        cycle, given = self.motion.cycle, dynamic in self.motion.accelerations
+        step = resolution(self.motion.positions.get(dynamic, np.zeros(0)))
+        # Rounded positions, differenced twice.
+        noise = 0.0 if cycle is None or given else step / (np.sqrt(2.0) * cycle**2)
+        if noise > _BLURRED * float(law.acceleration):
+            name = f"A{dynamic}"
+            self.coarse = (
+                f"{name}.position is in steps of {1e3 * step:.2g} µm, from which accelerations"
+                f" follow to {noise:.2g} mm/s² only. Log {name}.velocity and"
+                f" {name}.acceleration as well"
+            )
+            self.relevant = tuple(r for r in self.relevant if r != "filter_delay")
 
     def parts(self, change: Change, rows: LogRows) -> Parts:
         purpose = f"for the crosstalk of A{self.axis}"

@@ -114,6 +114,7 @@ class AbstractChannel(abc.ABC):
         two_way: Whether its list has other entries for the other direction of motion.
         cycles: Length of the filter, 0 or 1 where there is none.
         listed: Length that a list states for a filter that acts on switching alone.
+        coarse: Why the log does not tell when something comes, in words; or nothing.
         unit: ``mm``, ``°``, or empty where it is that of the drive.
         relevant: Names of the conventions that it depends on, beside sign and edge.
         edge_rule: Name of the convention that says what happens beyond its table; empty:
@@ -130,6 +131,7 @@ class AbstractChannel(abc.ABC):
     two_way: bool = dataclasses.field(default=False, init=False)
     cycles: int = dataclasses.field(default=0, init=False)
     listed: int = dataclasses.field(default=0, init=False)
+    coarse: str = dataclasses.field(default="", init=False)
     relevant: tuple[str, ...] = dataclasses.field(default=(), init=False)
 
     unit: ClassVar[str] = "mm"

@@ -21,6 +21,8 @@ _BLOCK = 64
 
 _IDLE = 0.05
 """Share of rows without any offset from which on it may have been switched off meanwhile."""
+_TIMES = {"lag", "filter"}
+"""Faults that a log which is too coarse makes up."""
 _FEWEST, _LEAST = 5, 3
 """Rows of a log, and rows near a node, that tell of it."""
 _SURE, _FAR = 3.0, 6.0
@@ -150,6 +152,11 @@ def judge_channel(channel: AbstractChannel, result: Found, turned: str = "") -> 
         for hypothesis in equals:
             agreed |= dict.fromkeys(hypothesis.faults(channel))
         return verdict(agreed, text if equals else text + tail)
+    if channel.coarse and faults.keys() & _TIMES:
+        told = {word: size for word, size in faults.items() if word not in _TIMES}
+        words = f"the log cannot tell when it comes: {channel.coarse}"
+        named = [fault_words(best.hypothesis, channel, told)] if told else []
+        return verdict(told, "; ".join([*named, words]))
     text = whole_text + rules + (turned if "sign" in faults else "")
     for hypothesis in equals:
         text += f", or as well {fault_words(hypothesis, channel)}"
