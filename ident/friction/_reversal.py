@@ -32,6 +32,8 @@ from ._weights import ridged
 
 _FARTHEST, _NOTHING = 0.02, 1e-6
 """mm: no friction takes longer to build up, however soft the drive, and below is none."""
+_JITTER = 1e-3
+"""mm: a motion that turns back sooner is noise of the encoder of an axis that stands."""
 _DISTANCES = np.concatenate([[0.0], np.geomspace(1e-4, _FARTHEST, 20)])
 """Where the search for the distance starts, in mm: a wrong delay makes up for larger steps."""
 _MOST_DELAY = 30
@@ -66,6 +68,8 @@ class ReversalFit:
         delay_cycles: Cycles that all of it comes later (P-COMP-00058).
         position_delay_sd: Standard deviation of the distance in mm.
         lookahead_probability: That `lookahead` is the right one of 0 to 4.
+        lookahead_seen: Whether any motion shows it. Where the axis stands before all
+            reversals none does: it is 0, and its probability 1.
         delay_probability: That `delay_cycles` is the right one of those tried.
         noise: Standard deviation of what is left around reversals, in drive units.
         reversals: How many there are.
@@ -78,6 +82,7 @@ class ReversalFit:
     delay_cycles: int
     position_delay_sd: float
     lookahead_probability: float
+    lookahead_seen: bool
     delay_probability: float
     noise: float
     reversals: int
@@ -139,8 +144,8 @@ def fit_reversal(
         FitError: If there is no reversal, or arrays differ in length or have gaps.
     """
     recording = record(samples, inertia, 1)
-    moving, msg = np.flatnonzero(velocity != 0), ""
-    starts = moving[1:][np.diff(np.sign(velocity[moving])) != 0]
+    velocity, msg = _without_jitter(velocity, samples.cycle), ""
+    starts = _turns(velocity)
     if not len(position) == len(velocity) == len(samples.time):
         msg = (
             f"found {len(position)} positions, {len(velocity)} velocities and"
@@ -152,7 +157,9 @@ def fit_reversal(
         msg = "found no reversal in the recording, expected motion in both directions"
     if msg:
         raise FitError(msg)
-    rows, share = _rows(samples, position, starts), share_of(position, velocity)
+    near, far = _rows(samples, position, starts)
+    # What a drive holds at rest tells nothing of the friction in motion.
+    rows, share = (near & (velocity != 0), far), share_of(position, velocity)
     # A rough table shows where the delay is, whatever the law.
     coarse = KnotTable(True, default_knots(recording.speed, _ROUGH))
     kinds = coarse, Stribeck(True), KnotTable(True, recording.knots)
@@ -277,6 +284,19 @@ class _Search:
         return cycles, places[cycles], squares
 
 
+def _turns(velocity: Trace) -> Int[np.ndarray, " r"]:
+    """Return the first sample of each motion against the one before it."""
+    moving = np.flatnonzero(velocity != 0)
+    return np.asarray(moving[1:][np.diff(np.sign(velocity[moving])) != 0])
+
+
+def _without_jitter(velocity: Trace, cycle: float) -> Trace:
+    """Return the velocity with 0 where the axis stands but for the noise of its encoder."""
+    motion = np.searchsorted(_turns(velocity), np.arange(len(velocity)), side="right")
+    way = cycle * np.abs(np.bincount(motion, velocity))
+    return np.where(way[motion] < _JITTER, 0.0, velocity)
+
+
 def _rows(
     samples: DriveSamples, position: Trace, starts: Int[np.ndarray, " r"]
 ) -> tuple[Bool[np.ndarray, " t"], Bool[np.ndarray, " t"]]:
@@ -316,6 +336,10 @@ def _fitted(search: _Search, reversals: int, delay: int) -> tuple[ReversalFit, f
     cycles, place, squares = search.best(place[1:], keep, cycles[1], _CLOSE)
     place[0] *= place[0] >= _NOTHING
     (lookahead, delay), distance, shape = cycles, float(place[0]), place[1:]
+    shares = search.share(distance)
+    looked = np.flatnonzero(search.near | search.far) - delay
+    seen = bool((shares != shares[0])[:, looked].any())
+    lookahead *= seen
     factors, error = search.solve(*cycles, place, use)
     # Successive residuals have something in common: fewer of them count as independent.
     common = float(error[1:] @ error[:-1]) / max(float(error @ error), 1e-300)
@@ -333,14 +357,15 @@ def _fitted(search: _Search, reversals: int, delay: int) -> tuple[ReversalFit, f
     columns = search.columns(tuple(shape.tolist()))
     law_factors = factors[: columns.shape[1]]
     steady = columns @ law_factors
-    acting = search.share(distance)[lookahead] * steady
+    acting = shares[lookahead] * steady
     delayed = np.pad(acting, (delay, 0))[: len(acting)]
     result = ReversalFit(
         lookahead=lookahead,
         position_delay=distance,
         delay_cycles=delay,
         position_delay_sd=noise / slope / np.sqrt(share) if slope > 0 else np.inf,
-        lookahead_probability=float(odds.sum(axis=1)[lookahead]),
+        lookahead_probability=float(odds.sum(axis=1)[lookahead]) if seen else 1.0,
+        lookahead_seen=seen,
         delay_probability=float(odds.sum(axis=0)[delay]),
         noise=float(np.sqrt(np.mean(error[search.near[use]] ** 2))),
         reversals=reversals,

@@ -115,10 +115,17 @@ def _reversal(
     except FitError as error:
         return None, [Remark.error(f"reversal: {error}")]
     reversal = min(fits, key=lambda fit: fit.noise)
-    return reversal, [
+    remarks = [
         Remark.error(f"reversal: {name} is not known: {reason}")
         for name, reason in reversal.undetermined.items()
     ]
+    if not reversal.lookahead_seen:
+        words = (
+            "reversal: the axis stands before every reversal, where no look-ahead shows:"
+            " reversal_lookahead is 0. Record reversals without a dwell to find it."
+        )
+        remarks.append(Remark.warning(words))
+    return reversal, remarks
 
 
 def out_unit(spec: Spec, unit: str) -> float | None:

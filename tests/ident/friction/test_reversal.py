@@ -153,6 +153,30 @@ def test_standing_between_both_directions_hides_nothing() -> None:
     assert found.position_delay == pytest.approx(0.0008, abs=1e-6)
 
 
+def test_jitter_of_a_standing_axis_is_no_reversal() -> None:
+    stroke = 20.0 * np.cos(np.linspace(0.0, np.pi, 600))
+    rest = np.ones(200)
+    strokes = [np.append(sign * stroke, -20.0 * sign * rest) for sign in [1, -1] * 4]
+    position = np.concatenate(strokes)
+    velocity = np.gradient(position, CYCLE)
+    # A drive holds at rest what it gave last, as its integral part does.
+    model = FrictionCompensation(LAW, 0, 0.008, 0, held_at_rest=True)
+    friction = np.array(model.run(model.start(), position, velocity)[0])
+    hard = np.gradient(velocity, CYCLE)
+    current = friction + INERTIA * hard + OFFSET
+    # An encoder flickers by 10 nm where nothing moves.
+    flicker = 1e-5 * np.sin(np.arange(len(position)))
+    recorded_velocity = np.where(velocity == 0, np.gradient(flicker, CYCLE), velocity)
+    time = CYCLE * np.arange(len(position))
+    samples = DriveSamples(time, velocity, current, hard)
+    found = fit_reversal(samples, position, recorded_velocity, inertia=INERTIA)
+    assert (found.reversals, found.delay_cycles) == (7, 0)
+    # At rest no look-ahead shows.
+    assert (found.lookahead, found.lookahead_seen) == (0, False)
+    # Nothing is noisy, and the law is of the kind that is fitted: the solver's tolerance.
+    assert found.position_delay == pytest.approx(0.008, abs=1e-6)
+
+
 def test_motion_in_one_direction_is_refused() -> None:
     position, velocity = np.linspace(0, 10, 100), np.linspace(50.0, 150.0, 100)
     samples = DriveSamples(CYCLE * np.arange(100), velocity, np.full(100, 2.0))
