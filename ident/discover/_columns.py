@@ -48,6 +48,11 @@ _SAME: Function = lambda values: values  # noqa: E731
 _STRAIGHT: Function = lambda u: np.sqrt(3.0) * (2.0 * u - 1.0)  # noqa: E731
 
 
+def place_where(straight: float) -> float:
+    """Return the place, 0 to 1 along the travel, where the straight function has a value."""
+    return float(0.5 * (straight / np.sqrt(3.0) + 1.0))
+
+
 def smooth(count: int, periodic: bool = False) -> list[Function]:
     """Return functions of a position from 0 to 1: a line and cosines, or waves of a turn.
 

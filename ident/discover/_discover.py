@@ -150,11 +150,14 @@ def _found(chosen: Selection, need: Need, group: str | None) -> Found:
         along = f" from {need.masters[0]}"
     sentence = f"{name} of {axis}{along}: {amount(chosen, rms)} rms,"
     sentence += f" {share:.0%} of the {chosen.view.channel}. {need.words}"
+    keys, pivot = dict(need.keys), chosen.pivot(need.terms)
+    if pivot is not None:
+        keys["reference"] = pivot
     stability = float(min(chosen.frequency[chosen.index(need.terms)]))
     return Found(
         axis=axis, masters=need.masters, rms=rms, share=share, unit=chosen.view.unit,
         sentence=sentence.strip(), compensation=name, sensor=need.sensor,
-        stability=stability, keys=dict(need.keys), group=group,
+        stability=stability, keys=keys, group=group,
     )  # fmt: skip
 
 

@@ -19,9 +19,9 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ...data.signals import independent
-from ._columns import Columns, Design
+from ._columns import Columns, Design, place_where
 from ._evidence import Groups, gram_of, robust_groups, scatter_of, weights_about
-from ._terms import HEAT, Term
+from ._terms import HEAT, Kind, Term
 from ._view import AxisView, some_of
 
 _MOST = 5_000
@@ -67,20 +67,43 @@ def look_at(
 def choose_heat(
     columns: Columns, terms: Sequence[Term], heat: Sequence[Term]
 ) -> tuple[Term, ...]:
-    """Return for offset and coefficient the sensor and lag, of some, that are likeliest."""
-    evidence, best = _evidence_of(columns, terms), tuple[Term, ...]()
-    longest = max(term.lag for term in heat)
-    for factor, kind in itertools.product((None, None, *_FINER), HEAT):
-        others = tuple(term for term in best if term.kind is not kind)
-        tried = [term for term in heat if term.kind is kind]
-        if factor is not None:
-            tried = [term for term in best if term.kind is kind]
-            for term in tried[:]:
-                lags = term.lag * factor, term.lag / factor, _SOON * (term.lag == 0.0)
-                allowed = [lag for lag in lags if 0.0 < lag <= longest]
-                tried += [dataclasses.replace(term, lag=lag) for lag in allowed]
-        best = max([(*others, term) for term in tried], key=evidence, default=best)
-    return best
+    """Return for offset and coefficient the sensor and lag, of some, that are likeliest.
+
+    What grows about a place off the middle shifts the middle by the same sensor. Where the
+    offset follows another one, that shift is a third term.
+    """
+    evidence, longest = _evidence_of(columns, terms), max(term.lag for term in heat)
+
+    def turned(chosen: tuple[Term, ...]) -> tuple[Term, ...]:
+        growth = [term for term in chosen if term.kind is Kind.HEAT_SLOPE]
+        shift = [dataclasses.replace(each, kind=Kind.HEAT_OFFSET) for each in growth]
+        return (*chosen, *shift)
+
+    def likeliest(
+        heat: Sequence[Term], whole: Callable[[tuple[Term, ...]], tuple[Term, ...]]
+    ) -> tuple[Term, ...]:
+        best = tuple[Term, ...]()
+        for factor, kind in itertools.product((None, None, *_FINER), HEAT):
+            others = tuple(term for term in best if term.kind is not kind)
+            tried = [term for term in heat if term.kind is kind]
+            if factor is not None:
+                tried = [term for term in best if term.kind is kind]
+                for term in tried[:]:
+                    lags = term.lag * factor, term.lag / factor, _SOON * (term.lag == 0)
+                    allowed = [lag for lag in lags if 0.0 < lag <= longest]
+                    tried += [dataclasses.replace(term, lag=lag) for lag in allowed]
+            choices = [(*others, term) for term in tried]
+            best = max(choices, key=lambda each: evidence(whole(each)), default=best)
+        return whole(best)
+
+    best = likeliest(heat, lambda chosen: chosen)
+    grows = {term.sensor for term in best if term.kind is Kind.HEAT_SLOPE}
+    apart = [t for t in heat if (t.kind is Kind.HEAT_SLOPE) == (t.sensor in grows)]
+    if {term.kind for term in apart} != {*HEAT}:
+        return best
+    three = likeliest(apart, turned)
+    gain = 2.0 * (evidence(three) - evidence(best))
+    return three if gain >= BEYOND_CHANCE else best
 
 
 def _evidence_of(
@@ -179,6 +202,21 @@ class Selection:
         (group,) = self.index([term])
         values = self.groups.values[self.design.slices[group]]
         return np.asarray(self.columns.of(term) @ values)
+
+    def pivot(self, terms: Sequence[Term]) -> float | None:
+        """Return the position in mm that growth leaves in place where two offsets act."""
+        offsets = {t.sensor: t for t in terms if t.kind is Kind.HEAT_OFFSET}
+        growth = [t for t in terms if t.kind is Kind.HEAT_SLOPE and t.sensor in offsets]
+        if len(offsets) < 2 or not growth:
+            return None
+        pair = self.index([offsets[growth[0].sensor], *growth])
+        shift, slope = (self.groups.values[self.design.slices[g]] for g in pair)
+        if not slope.any():
+            return None
+        low, high = self.view.span[growth[0].axis]
+        # The features of the growth are those of the shift times that of the place.
+        share = place_where(-float(shift @ slope) / float(slope @ slope))
+        return round(low + share * (high - low), 1)
 
     def index(self, terms: Sequence[Term]) -> list[int]:
         """Return the groups of some terms."""

@@ -310,10 +310,13 @@ def _by_heat(sizes: Mapping[Term, float]) -> Iterator[Need]:
     terms = _of(sizes, *HEAT)
     if not terms:
         return
-    sensors = {
-        "offset" if term.kind is Kind.HEAT_OFFSET else "coefficient": term.sensor
-        for term in terms
-    }
+    sensors = dict[str, str | None]()
+    grows = {term.sensor for term in terms if term.kind is Kind.HEAT_SLOPE}
+    for term in terms:
+        name = "offset" if term.kind is Kind.HEAT_OFFSET else "coefficient"
+        # Of two offsets that of the growth's sensor is where the growth turns.
+        if name not in sensors or (name == "offset" and sensors[name] in grows):
+            sensors[name] = term.sensor
     lags = dict[str | None, float]()
     for term in terms:
         # The larger one of two tells more of the lag.

@@ -209,10 +209,11 @@ def look_for_confusion(
         return Confusion(others, hidden, terms, drift)
     # A drift may have taken the shift that belongs to the growth.
     offsets = [term for term in terms if term.kind is Kind.HEAT_OFFSET]
-    shift = (*offsets, dataclasses.replace(growth[0], kind=Kind.HEAT_OFFSET))[0]
-    alone = compared((shift,), growth)
-    doubt = (shift, alone.rms) if alone is not None and alone.doubtful_part else None
-    return Confusion(others, hidden, terms, drift, doubt)
+    for shift in offsets or [dataclasses.replace(growth[0], kind=Kind.HEAT_OFFSET)]:
+        alone = compared((shift,), [term for term in terms if term != shift])
+        if alone is not None and alone.doubtful_part:
+            return Confusion(others, hidden, terms, drift, (shift, alone.rms))
+    return Confusion(others, hidden, terms, drift)
 
 
 def _substitutes(

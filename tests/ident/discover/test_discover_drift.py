@@ -59,6 +59,21 @@ def test_where_nothing_drifts_no_drift_is_told(virtual: ModuleType) -> None:
     assert found.drifts == ()
 
 
+def test_an_offset_by_another_sensor_than_the_growth_is_no_drift(
+    virtual: ModuleType,
+) -> None:
+    motion = virtual.motion(3, axes="X", duration=1800.0, rows=3000)
+    effects = {"X": [virtual.heat("X", ("frame", -3e-3), ("spindle", 9e-6))]}
+    found = discover(virtual.observe(motion, effects, 4, drift=0.0), ("X",))
+    names = {one.compensation: one for one in found.found}
+    assert found.drifts == ()
+    sensors = {"offset": "frame", "coefficient": "spindle"}
+    keys = dict(names["temperature"].keys)
+    # The growth is about 100 mm: 0.5 µm in a reading, and a growth of 54 µm/m in all.
+    assert keys.pop("reference") == pytest.approx(100.0, abs=1.0)
+    assert keys == {"sensors": sensors}
+
+
 def test_noise_that_remembers_for_seconds_is_no_drift(virtual: ModuleType) -> None:
     motion = virtual.motion(3, axes="X", duration=1100.0, rows=15_000)
     innovation = np.random.default_rng(2).normal(size=15_000)
