@@ -176,7 +176,7 @@ def doctor(
       axcomp doctor axcomp-out/achskw1.lis --before job.toml --after after.toml
     """
     from ..job import load_job, use_compilation_cache
-    from ..proof import diagnose, not_judged, unlisted
+    from ..proof import diagnose, driving_axes, not_judged, unlisted
     from ..readings import read_outside
 
     use_compilation_cache()
@@ -184,7 +184,8 @@ def doctor(
     lists = read_lists(files)
     names = {axis.number: name for name, axis in new.spec.axes.items()}
     with working("reading the measurements"):
-        outside = read_outside(old), read_outside(new)
+        driving = driving_axes(lists, new.conventions)
+        outside = read_outside(old, driving), read_outside(new, driving)
         diagnoses = diagnose(lists, *outside, new.reading, names=names)
     missing = unlisted(lists, *outside, new.conventions, names)
     parts = _parts_seen(*outside, {each.axis for each in diagnoses}, names)

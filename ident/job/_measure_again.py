@@ -21,7 +21,7 @@ from ...data.lists import ListFile
 from ..core import FitError, regress
 from ..exchange import ExchangeError, StoredConventions, read_conventions
 from ..kinds import kind
-from ..proof import Diagnosis, Measured, diagnose, not_judged
+from ..proof import Diagnosis, Measured, diagnose, driving_axes, not_judged
 from ..readings import Tables, errors_in, read_outside
 from ._draft import AbstractDraft
 from .file._load import Job, load_job
@@ -159,7 +159,7 @@ def measure_again(
         AxcompError: If the measurement cannot be used.
         OSError: If a file cannot be read.
     """
-    diagnoses, remarks = _diagnoses(job, second, result.fits, root)
+    diagnoses, remarks, outside = _diagnoses(job, second, result.fits, root)
     tables = Tables(second.job)
     measured = errors_in(tables)
     # A fit of a group is compared as the group as a whole.
@@ -227,7 +227,7 @@ def measure_again(
         own = [one for one in remarks if one.message.startswith(beginning)]
         told = by_level((*fit.remarks, *own)) if own else fit.remarks
         fits.append(dataclasses.replace(fit, again=again, remarks=told))
-    fits = [_beside(fit, fits) for fit in fits]
+    fits = [_beside(fit, fits, outside) for fit in fits]
     settled, notes = _settled_by(fits)
     if settled:
         notes += _save_settled(job, root, settled)
@@ -239,8 +239,16 @@ def measure_again(
     )
 
 
-def _beside(fit: AbstractResult, fits: Sequence[AbstractResult]) -> AbstractResult:
-    """Return a fit with the wrong fits of its axis, where it is not and its error stays large."""
+def _beside(
+    fit: AbstractResult, fits: Sequence[AbstractResult], after: Sequence[Measured]
+) -> AbstractResult:
+    """Return a fit with the wrong fits of its axis, where it is not and its error stays large.
+
+    Args:
+        fit: One of the fits.
+        fits: All of them.
+        after: Errors of the second measurement.
+    """
     again = fit.again
     if again is None:
         return fit
@@ -249,21 +257,38 @@ def _beside(fit: AbstractResult, fits: Sequence[AbstractResult]) -> AbstractResu
         for other in fits
         if other.axis == fit.axis and other is not fit and other.again is not None
     }
-    wrong = {name: other for name, other in others.items() if other.is_wrong}
+    wrong = [name for name, other in others.items() if other.is_wrong]
     if again.is_wrong:
         # What a list does beside another one that is known to be wrong is no "other" fault.
-        named = {
-            name: other for name, other in wrong.items() if _told(other) != "other"
-        }
+        named = [name for name in wrong if _told(others[name]) != "other"]
         if _told(again) != "other" or not named:
             return fit
         again, wrong = dataclasses.replace(again, diagnosis=None), named
+    elif not wrong and _is_left_in_motion(fit.axis_number, again.predicted, after):
+        mine = [other.compensation for other in fits if other.axis == fit.axis]
+        wrong = [name for name in mine if "acceleration" in kind(name).follows]
     elif not wrong and _told(again) == "right":
-        wrong = {name: other for name, other in others.items() if not other.acts}
+        wrong = [name for name, other in others.items() if not other.acts]
     if not wrong or again.rms is None or again.rms <= LESS * again.predicted:
         return fit
     beside = dataclasses.replace(again, beside=tuple(wrong))
     return dataclasses.replace(fit, again=beside)
+
+
+def _is_left_in_motion(axis: int, predicted: float, after: Sequence[Measured]) -> bool:
+    """Return whether more than predicted is left where another axis accelerates, and only there.
+
+    Args:
+        axis: Logical number.
+        predicted: Error with the lists active, rms in mm or °.
+        after: Errors of the second measurement.
+    """
+    largest = LESS * predicted
+    return any(
+        np.std(one.undriven.error) <= largest < np.std(one.error[one.driven])
+        for one in after
+        if one.axis == axis and one.driven is not None and one.driven.any()
+    )
 
 
 def _told(again: MeasuredAgain) -> str | None:
@@ -389,24 +414,26 @@ def _finished(
 
 def _diagnoses(
     job: Job, second: Second, results: Sequence[AbstractResult], root: Path
-) -> tuple[dict[tuple[int, str], Diagnosis], list[Remark]]:
-    """Return what each list does, by axis number and compensation."""
+) -> tuple[dict[tuple[int, str], Diagnosis], list[Remark], tuple[Measured, ...]]:
+    """Return what each list does, by axis number and compensation, and what was measured again."""
     lists = [ListFile.read(root / name) for name in second.lists]
     names = {axis.number: name for name, axis in job.spec.axes.items()}
     lines = not_judged(lists, job.conventions, names)
     if all(kind(result.compensation).unseen for result in results):
-        return {}, [*map(Remark.warning, lines)]
+        return {}, [*map(Remark.warning, lines)], ()
     remarks = [*map(Remark.info, lines)]
     reading = dataclasses.replace(second.job.reading, conventions=job.conventions)
     try:
-        outside = read_outside(job), read_outside(second.job)
+        driving = driving_axes(lists, job.conventions)
+        outside = read_outside(job, driving), read_outside(second.job, driving)
         if all(_stayed_on(result, *outside) for result in results):
-            return {}, remarks  # readings tell what is added, and no switching does
+            return {}, remarks, ()  # readings tell what is added, and no switching does
         diagnoses = diagnose(lists, *outside, reading, names=names)
     except ExchangeError as error:
         words = f"What the lists do cannot be diagnosed from {second.name}: {error}"
-        return {}, [*remarks, Remark.warning(words)]
-    return {(one.axis, one.compensation): one for one in diagnoses}, remarks
+        return {}, [*remarks, Remark.warning(words)], ()
+    by_list = {(one.axis, one.compensation): one for one in diagnoses}
+    return by_list, remarks, outside[1]
 
 
 def _stayed_on(

@@ -45,6 +45,7 @@ if TYPE_CHECKING:
         Diagnosis as Diagnosis,
         Measured as Measured,
         diagnose as diagnose,
+        driving_axes as driving_axes,
         not_judged as not_judged,
         unlisted as unlisted,
     )

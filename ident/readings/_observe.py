@@ -4,11 +4,11 @@ For `discover` every column, for `doctor` and the whole axis the errors that an 
 """
 
 import dataclasses
-from collections.abc import Iterator
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from ...data.measurements import MeasurementError, derive_error, is_log
 from ..proof import Measured
@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 _FAR = 3.0
 """Mean of an error, in standard deviations, that is the zero of an instrument."""
+_ACCELERATES = 0.1
+"""Share of its largest acceleration from which on an axis accelerates."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -74,8 +76,8 @@ def observe(job: "Job") -> Observation:
                 position=position,
                 error={axis: rows.error(axis, position) for axis in with_error},
                 direction={axis: one for axis, one in ways.items() if one is not None},
-                velocity=dict(_motions(rows, "velocity")),
-                acceleration=dict(_motions(rows, "acceleration")),
+                velocity=dict(_motions(rows, "velocity", axes)),
+                acceleration=dict(_motions(rows, "acceleration", axes)),
                 temperature={name: rows.temperature(name) for name in rows.sensors},
                 current={axis: c for axis, c in currents.items() if c is not None},
                 rotary=frozenset(
@@ -104,9 +106,11 @@ def _is_far(error: Float[np.ndarray, " t"]) -> bool:
     return bool(abs(middle) > _FAR * 0.5 * (high - low))
 
 
-def _motions(rows: Rows, kind: str) -> Iterator[tuple[str, Float[np.ndarray, " t"]]]:
-    """Yield velocities or accelerations, as recorded or else derived from logs."""
-    for axis in rows.job.spec.axes:
+def _motions(
+    rows: Rows, kind: str, axes: Iterable[str]
+) -> Iterator[tuple[str, Float[np.ndarray, " t"]]]:
+    """Yield velocities or accelerations of axes, as recorded or else derived from logs."""
+    for axis in axes:
         if f"{axis}.{kind}" in rows.measured.values or is_log(rows.measured, axis):
             try:
                 yield axis, rows.motion(axis, kind, POSITION_ORDER["actual"])
@@ -114,18 +118,25 @@ def _motions(rows: Rows, kind: str) -> Iterator[tuple[str, Float[np.ndarray, " t
                 rows.remarks.append(f"No {kind} of {axis}: {error}")
 
 
-def read_outside(job: "Job") -> tuple[Measured, ...]:
+def read_outside(
+    job: "Job", driving: Mapping[int, Collection[int]] | None = None
+) -> tuple[Measured, ...]:
     """Return the errors of every axis that the measurements of a job hold.
 
     Measurements without any error, such as the current of a drive, are left out.
+
+    Args:
+        job: The job.
+        driving: Axes whose acceleration moves an axis, by the number of the latter.
 
     Raises:
         MeasurementError: If a file holds nothing usable, or none an error of any axis.
         JobError: If a measurement does not suit.
     """
     tables = Tables(job)
+    numbers = {name: axis.number for name, axis in job.spec.axes.items()}
     measured = tuple(
-        read_error(tables, name, axis)[0]
+        read_error(tables, name, axis, (driving or {}).get(numbers[axis], ()))[0]
         for name, axes in errors_in(tables).items()
         for axis in axes
     )
@@ -150,8 +161,16 @@ def errors_in(tables: Tables) -> dict[str, tuple[str, ...]]:
     }
 
 
-def read_error(tables: Tables, name: str, axis: str) -> "tuple[Measured, Motion]":
+def read_error(
+    tables: Tables, name: str, axis: str, driving: Collection[int] = ()
+) -> "tuple[Measured, Motion]":
     """Return the error of one axis in one measurement, and where all axes were.
+
+    Args:
+        tables: Files of a job.
+        name: Of the measurement.
+        axis: Its name.
+        driving: Numbers of the axes whose acceleration moves it.
 
     Raises:
         MeasurementError: If the file holds nothing usable, or no error of the axis.
@@ -169,5 +188,15 @@ def read_error(tables: Tables, name: str, axis: str) -> "tuple[Measured, Motion]
         late=rows.measured.late.get(axis),
         time=rows.time,
         own_zero=rows.spec.remove != "none" or rows.spec.datum is not None,
+        driven=_accelerating(
+            rows, [key for key in axes if axes[key].number in driving]
+        ),
     )
     return measured, rows.standing(axis)
+
+
+def _accelerating(rows: Rows, axes: Iterable[str]) -> Bool[np.ndarray, " t"] | None:
+    """Return the readings in which one of these axes accelerates; None: not known of any."""
+    sizes = [np.abs(motion) for _, motion in _motions(rows, "acceleration", axes)]
+    moved = [size > _ACCELERATES * np.max(size, initial=0.0) for size in sizes]
+    return np.logical_or.reduce(moved) if moved else None

@@ -7,6 +7,7 @@ the controller (`verify`); each fault gets its probability, and below `SURE` not
 from ._cases import Diagnosis as Diagnosis
 from ._diagnose import (
     diagnose as diagnose,
+    driving_axes as driving_axes,
     not_judged as not_judged,
     unlisted as unlisted,
 )

@@ -50,6 +50,8 @@ def diagnose(
         ExchangeError: If a list makes no table, an axis has two, or no axis with a list
             was measured both times.
     """
+    # What acts while another axis accelerates is no part of what tables add.
+    before, after = ([one.undriven for one in each] for each in (before, after))
     loaded = machine_lists(lists).in_use(reading.conventions)
     active = [use for use in loaded if not use.kind.unseen]
     changes: dict[int, Difference] = {}
@@ -99,6 +101,17 @@ def diagnose(
         return _judged(use, scene, True)
 
     return tuple(map(judged, switched_uses))
+
+
+def driving_axes(
+    lists: Sequence[ListFile], conventions: Conventions
+) -> dict[int, tuple[int, ...]]:
+    """Return, by axis, the axes whose acceleration moves it by a list that is switched on."""
+    return {
+        use.axis: use.masters[:1]  # the one that accelerates comes first
+        for use in machine_lists(lists).in_use(conventions)
+        if "acceleration" in use.kind.follows
+    }
 
 
 def _but_for_the_machine(use: InUse, scene: Scene, diagnosis: Diagnosis) -> Diagnosis:

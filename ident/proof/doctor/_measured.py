@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from ....data.signals import (
     CLOSER,
@@ -29,6 +29,9 @@ _FINER, _REPEATS = 0.1, 3
 """Part of the scatter of first readings below which no second ones vary, and how many repeats
 tell it."""
 
+_ENOUGH = 0.1
+"""Share of the readings that is left where no other axis accelerates, so that it alone counts."""
+
 _MATCHED = 0.5
 """Share of the places of the second measurement that the first must have, too."""
 
@@ -48,6 +51,8 @@ class Measured:
             the axis was in motion.
         time: In s, or None.
         own_zero: The zero of its instrument is arbitrary, another one in each such measurement.
+        driven: Readings in which an axis accelerates whose acceleration moves this one by a
+            list (`driving_axes`), or None.
     """
 
     axis: int
@@ -59,6 +64,27 @@ class Measured:
     late: Float[np.ndarray, " t"] | None = None
     time: Float[np.ndarray, " t"] | None = None
     own_zero: bool = False
+    driven: Bool[np.ndarray, " t"] | None = None
+
+    @property
+    def undriven(self) -> "Measured":
+        """The readings in which no such axis accelerates; all where hardly any is left."""
+        if self.driven is None or np.mean(~self.driven) < _ENOUGH:
+            return self
+        keep = ~self.driven
+
+        def kept(values: np.ndarray | None) -> np.ndarray | None:
+            return None if values is None else values[keep]
+
+        return dataclasses.replace(
+            self,
+            positions={axis: place[keep] for axis, place in self.positions.items()},
+            error=self.error[keep],
+            direction=kept(self.direction),
+            late=kept(self.late),
+            time=kept(self.time),
+            driven=None,
+        )
 
 
 @dataclasses.dataclass(frozen=True)
