@@ -41,6 +41,8 @@ _WARM = (
     "Lengths that were not measured at the reference temperature are brought there by"
     " expansion and material_temperature."
 )
+_EXTERNAL = "lr_param.ext_comp.err_limit"
+"""Entry of the axis list without which no external compensation moves the axis (P-AXIS-00744)."""
 _Read = tuple[Measured, Motion]
 """The error of an axis in one measurement, and where all axes were."""
 
@@ -201,6 +203,7 @@ class _Axis:
         remarks: list[Remark],
     ) -> WholeAxis:
         limits, name = self.job.spec.gate, self.name
+        remarks = [*self._external(), *remarks]
         jump = next((c for c in checks if c.name == "max_jump"), None)
         if jump is not None and not jump.passed:
             verb = "comes or goes" if len(names) == 1 else "come or go"
@@ -231,6 +234,25 @@ class _Axis:
             gate=checks,
             remarks=tuple(dict.fromkeys(remarks)),
             switching=switching,
+        )
+
+    def _external(self) -> Iterator[Remark]:
+        """Yield that an external compensation moves the axis beside a table.
+
+        The axis list does not tell what it adds, nor the job whether it was on while measuring.
+        """
+        machine = self.files.existing.machine
+        tables = [draft.compensation for draft in self.drafts if draft.kind.table]
+        if not tables or machine is None or not machine.integer(_EXTERNAL):
+            return
+        names, held = " and ".join(tables), ", ".join(f'"{name}"' for name in tables)
+        yield Remark.error(
+            f"{machine.source} lets an external compensation move {self.name} ({_EXTERNAL}"
+            f" {machine.integer(_EXTERNAL)}): it and the {names} would correct the same error."
+            " Set its entries lr_param.ext_comp to 0 there, fit again, and load the lists"
+            " without it, or export them again (axcomp export-external). Where it held the"
+            f" {names} of the list of {self.name} and was on while measuring, state active ="
+            f" [{held}]; where it was off, active = []."
         )
 
     def _travel(self) -> Travel:

@@ -304,6 +304,23 @@ def test_readings_that_do_not_see_a_list_verify_no_part_of_it(
     assert "Verified in part" not in said
 
 
+@pytest.mark.parametrize("limit", [500, 0])
+def test_a_table_beside_an_external_compensation_is_not_let_out(
+    tmp_path: Path, limit: int
+) -> None:
+    edge(tmp_path)
+    machine = (
+        f"kopf.achs_nr 3\nlr_param.crosscomp 0\nlr_param.ext_comp.err_limit {limit}\n"
+    )
+    axes = with_lists(tmp_path, machine=machine)
+    assert fit(tmp_path, axes + measured("edge", "active = []") + CROSS) == bool(limit)
+    assert (tmp_path / "out" / "achskw3.lis").exists() == (not limit)
+    (one,) = json.loads((tmp_path / "out" / "result.json").read_text())["fits"]
+    told = [each for each in one["remarks"] if "external compensation" in str(each)]
+    assert len(told) == bool(limit)
+    assert ('state active = ["cross"]' in str(told)) == bool(limit)
+
+
 def test_a_group_beside_an_old_table_is_held_to_what_it_leaves_as_a_whole(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
