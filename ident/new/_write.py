@@ -160,17 +160,14 @@ class Contents:
         held = ((fit, self.holder(fit)) for fit in self.plain(source))
         return next(((fit, holder) for fit, holder in held if holder is not None), None)
 
-    def warm(self, source: Source) -> tuple[str, float] | None:
-        """Return a sensor that shows lengths read off the reference temperature, and its °C."""
+    def warm(self, source: Source) -> dict[str, float]:
+        """Return the °C of each sensor of lengths that were read off 20 °C; else none."""
         lengths = any(fit.over == (fit.axis,) for fit in self.plain(source))
         data = self.observation.data
         rows = data.source == self.observation.names.index(source.name)
         reference = self.job.spec.measurements[source.name].reference_temperature
-        warmth = (
-            (sensor, away_from(reference, values[rows]))
-            for sensor, values in (data.temperature if lengths else {}).items()
-        )
-        return next(((sensor, at) for sensor, at in warmth if at is not None), None)
+        warm = {sensor: each[rows] for sensor, each in data.temperature.items()}
+        return away_from(reference, warm) if lengths else {}
 
     def zero(self, source: Source) -> Zero | None:
         """Return the constant and slope that stand out of the readings of a fit, if any do.

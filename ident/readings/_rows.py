@@ -468,12 +468,18 @@ def fresh_readings(
     return found if np.diff(time).max() < 0.5 * usual else all_of_them
 
 
-def away_from(degrees: float, warm: Float[np.ndarray, " t"]) -> float | None:
-    """Return the median of temperatures in °C where lengths change by it, else None."""
-    known = warm[np.isfinite(warm)]
-    usual = float(np.median(known)) if known.size else degrees
-    seen = SHOP[0] <= usual <= SHOP[1] and abs(usual - degrees) > _COOL
-    return usual if seen else None
+def away_from(
+    degrees: float, warm: Mapping[str, Float[np.ndarray, " t"]]
+) -> dict[str, float]:
+    """Return the median of each sensor in °C where lengths were read off a reference; else none.
+
+    One sensor that is near it is enough: nobody knows which of them is at the axis.
+    """
+    known = {k: values[np.isfinite(values)] for k, values in warm.items()}
+    usual = {k: float(np.median(values)) for k, values in known.items() if values.size}
+    seen = {k: at for k, at in usual.items() if SHOP[0] <= at <= SHOP[1]}
+    near = any(abs(at - degrees) <= _COOL for at in seen.values())
+    return {} if near else seen
 
 
 def reference_words(

@@ -268,7 +268,7 @@ def _warm(
     def heated(names: Iterable[str]) -> bool:
         return any("temperature" in kind(name).follows for name in names)
 
-    for axis in _unique((m.axis,) for m in members if m.fit.lengths):
+    for axis in _unique((m.axis,) for m in members if m.takes_line):
         laws = [fit.compensation for fit in job.spec.fits if fit.axis == axis]
         if heated(laws) or job.spec.axes[axis].unit != "mm":
             continue
@@ -280,16 +280,17 @@ def _warm(
                 rows.measured.values.with_gaps(),
                 spec.reference_temperature,
             )
-            for sensor in rows.sensors:
-                warm = np.asarray(values[f"{SENSOR}{sensor}"], float)
-                if (usual := away_from(degrees, warm)) is None:
-                    continue
+            warm = {k: np.asarray(values[f"{SENSOR}{k}"], float) for k in rows.sensors}
+            if away := away_from(degrees, warm):
+                nearest = min(away.values(), key=lambda each: abs(each - degrees))
+                shown = ", ".join(f"{at:.3g} °C ({k})" for k, at in away.items())
                 yield Remark.warning(
-                    f"Measurement {name!r} was read at {usual:.3g} °C ({sensor}), and its lengths"
-                    f" are not brought to {degrees:g} °C: what is written holds what {axis} has"
-                    f" grown by, {_STEEL * (usual - degrees):+.3g} µm/m if it is of steel. State"
-                    f' expansion and material_temperature = "{sensor}" of it, or'
-                    " already_compensated = true where the instrument did that itself."
+                    f"Measurement {name!r} was read at {shown}, and its lengths are not brought to"
+                    f" {degrees:g} °C: what is written holds what {axis} has grown by,"
+                    f" {_STEEL * (nearest - degrees):+.3g} µm/m if it is of steel and at"
+                    f" {nearest:.3g} °C. State expansion, and as material_temperature the sensor"
+                    " or the °C of the axis itself, or already_compensated = true where the"
+                    " instrument did that."
                 )
 
 

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from scipy.special import stdtrit
 
 from .... import models
 from ....data.signals import travel_direction
@@ -54,9 +55,12 @@ _FAR = 6.0
 """Residual, in the median one, up to which no reading of a window is suspected to be wild."""
 _BY_PLACE = 0.3
 """Share of what changes in the error between accelerations that its slope over the master is."""
-_STANDS, _JUMPS = 0.01, 6.0
-"""Share of its highest speed below which the master stands, and deviations from which on a jump
-at its turns is one."""
+_STANDS, _BY_CHANCE = 0.01, 1e-8
+"""Share of its highest speed below which the master stands, and the chance of a jump at its turns
+by which noise shows one."""
+_ONE_SPEED, _FADES = 0.95, 0.25
+"""Share of what a direction changes that the speed does too, above which neither is told; and of a
+jump that may fade before the next acceleration."""
 _GAIN = 0.05
 """Relative fall of the residual's standard deviation below which there is no delay."""
 
@@ -525,20 +529,35 @@ def without_jump(data: JointData, form: Crosstalk) -> tuple[JointData, float]:
     moved = np.abs(speed) > _STANDS * float(np.abs(speed).max(initial=0.0))
     still = np.maximum.accumulate(moved) & (_shares_of(data, form)[1] < 0)
     still &= np.isfinite(error)
-    means = np.array(
-        [
-            [column[start:stop].mean() for column in (error, way, speed, place, time)]
-            for start, stop in _stretches(still, way, log)
-            if still[start]
+    stretches = [ends for ends in _stretches(still, way, log) if still[ends[0]]]
+    halves = []
+    # What a slave rings by after an acceleration fades: its first half holds more of it.
+    for first, last in ((0.0, 0.5), (0.5, 1.0)):
+        pieces = [
+            slice(a + int(first * (b - a)), a + max(int(last * (b - a)), 1))
+            for a, b in stretches
         ]
-    ).reshape(-1, 5)
-    change = np.diff(means, axis=0)
-    try:
-        found = regress(change[:, 1:], change[:, 0])
-    except FitError:  # too few of them, or it never turned
-        return data, 0.0
-    half, deviation = float(found.coefficients[0]), np.sqrt(found.covariance[0, 0])
-    if not abs(half) > _JUMPS * deviation:
+        means = [
+            [column[rows].mean() for column in (error, way, speed, place, time)]
+            for rows in pieces
+        ]
+        change = np.diff(np.reshape(means, (-1, 5)), axis=0)
+        free, (turns, faster) = len(change) - 4, change[:, 1:3].T
+        alike = float(turns @ faster) ** 2 > _ONE_SPEED * (turns @ turns) * (
+            faster @ faster
+        )
+        if free < 1 or alike:
+            return data, 0.0
+        try:
+            found = regress(change[:, 1:], change[:, 0])
+        except FitError:  # it never turned
+            return data, 0.0
+        half, deviation = float(found.coefficients[0]), np.sqrt(found.covariance[0, 0])
+        if not abs(half) > stdtrit(free, 1.0 - _BY_CHANCE) * deviation:
+            return data, 0.0
+        halves.append(half)
+    half = float(np.mean(halves))
+    if np.ptp(halves) > _FADES * abs(half):
         return data, 0.0
     straight = dataclasses.replace(data, error={form.axis: error - half * way})
     return straight, 2.0 * half
