@@ -35,6 +35,8 @@ def filled_in(
         missed = round(jump.step / clock.sample_time) - 1
         if jump.kind == "gap" and missed <= most:
             places.append(jump.row - 1 + np.arange(1, missed + 1) / (missed + 1))
+    if len(places) == 1:
+        return measured, places[0]
     rows = np.sort(np.concatenate(places))
     whole = dataclasses.replace(
         measured,

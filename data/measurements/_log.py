@@ -136,7 +136,7 @@ def read_log(
         motion.require(role)  # raises at a cell that is no number
     motion, rows = filled_in(motion, _FILLED)
     dropped = motion.rows - table.rows
-    for at, offset in enumerate(offsets):
+    for at, offset in enumerate(offsets if dropped else ()):
         acts = None if offset.acts is None else taken_at(offset.acts, rows)
         values = taken_at(offset.values, rows)
         offsets[at] = dataclasses.replace(offset, values=values, acts=acts)

@@ -267,10 +267,8 @@ def regress(
         msg = "the readings cannot tell the columns apart."
         raise FitError(msg)
     size = basis.shape[1]
-    reduced, floor = (
-        design @ basis,
-        max(least_scale(target), _QUIETEST * (noise or 0.0)),
-    )
+    reduced = design @ basis
+    floor = max(least_scale(target), _QUIETEST * (noise or 0.0))
     start = _least_magnitudes(reduced, target, loss)
     fit = estimate_columns(reduced, target, loss, floor, start)
     residual = target - reduced @ fit.centre

@@ -276,11 +276,9 @@ def _warm(
             spec = rows.spec
             if spec.at_reference or spec.remove == "line" or heated(spec.active):
                 continue
-            values, degrees = (
-                rows.measured.values.with_gaps(),
-                spec.reference_temperature,
-            )
+            values = rows.measured.values.with_gaps()
             warm = {k: np.asarray(values[f"{SENSOR}{k}"], float) for k in rows.sensors}
+            degrees = spec.reference_temperature
             if away := away_from(degrees, warm):
                 nearest = min(away.values(), key=lambda each: abs(each - degrees))
                 shown = ", ".join(f"{at:.3g} °C ({k})" for k, at in away.items())
