@@ -9,6 +9,7 @@ Imports neither NumPy nor JAX: the commands that only read lists start at once.
 """
 
 from ._check import check as check
+from ._check_lists import EXTERNAL_LIMITS as EXTERNAL_LIMITS
 from ._compare import (
     Change as Change,
     Comparison as Comparison,

@@ -8,7 +8,7 @@ from ._check_view import ListView
 
 AXIS_DIFFERS = 110229
 """Controller: axis number differs from the start-up list."""
-EXTERNAL = "lr_param.ext_comp"
+EXTERNAL_LIMITS = "lr_param.ext_comp"
 """Limits of an external compensation of the axis; `axcomp export-external` writes them."""
 
 _NUMBER = re.compile(r"([0-9]{1,5})\D*$")

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 from ._check_axis import check_axis, check_axis_list, largest_backlash
 from ._check_lists import (
     AXIS_DIFFERS,
-    EXTERNAL,
+    EXTERNAL_LIMITS,
     ListSet,
     axis_number,
     base_name,
@@ -147,7 +147,7 @@ def _check_against_axis(view: ListView, lists: ListSet) -> None:
                 continue  # The list that it adds to may well switch it on.
             # It may hold tables over positions: those that have a unit.
             external = function.unit and any(
-                EXTERNAL in partner.structures for partner in partners
+                EXTERNAL_LIMITS in partner.structures for partner in partners
             )
             axis.add(
                 "info" if external else "warning",
@@ -155,7 +155,7 @@ def _check_against_axis(view: ListView, lists: ListSet) -> None:
                 "not switch it on",
                 key,
                 found=axis.text(key) or "no entry",
-                expected=f"0 if the external compensation ({EXTERNAL}) holds it too"
+                expected=f"0 if the external compensation ({EXTERNAL_LIMITS}) holds it too"
                 " (both would correct twice), else 1"
                 if external
                 else "1",

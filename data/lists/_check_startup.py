@@ -7,7 +7,7 @@ from typing import TypeAlias
 
 from ._check_lists import (
     AXIS_DIFFERS,
-    EXTERNAL,
+    EXTERNAL_LIMITS,
     ListSet,
     axis_number,
     base_name,
@@ -149,13 +149,13 @@ def _check_pairs(
                 )
 
 
-_LIMIT, _FASTEST = f"{EXTERNAL}.err_limit", f"{EXTERNAL}.max_a"
+_LIMIT, _FASTEST = f"{EXTERNAL_LIMITS}.err_limit", f"{EXTERNAL_LIMITS}.max_a"
 _INTERFACE = "configuration.position_controller.enable_external_compensation_ifc"
 
 
 def _check_external(view: ListView, lists: ListSet) -> None:
     """Report an external compensation without limits, and limits without its interface."""
-    taking_part = [axis for axis in lists.axis if EXTERNAL in axis.structures]
+    taking_part = [axis for axis in lists.axis if EXTERNAL_LIMITS in axis.structures]
     if not view.integer(_INTERFACE):
         if taking_part and not is_fragment(view):
             view.add(

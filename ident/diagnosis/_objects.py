@@ -6,7 +6,7 @@ import io
 from collections.abc import Collection, Iterable, Sequence
 from typing import final
 
-from ...data.lists import ListFile
+from ...data.lists import EXTERNAL_LIMITS, ListFile
 from ...data.measurements import CNC_OBJECTS, INDEX_GROUP, CncObject
 from ...models import Conventions
 from ..exchange import InUse, MachineLists, machine_lists
@@ -127,7 +127,7 @@ def _external(machine: MachineLists) -> list[Observable]:
     axes = [
         number
         for number, listing in sorted(machine.machine.items())
-        if any(key.startswith("lr_param.ext_comp.") for key in listing.columns)
+        if any(key.startswith(f"{EXTERNAL_LIMITS}.") for key in listing.columns)
     ]
     own = [each for each in CNC_OBJECTS if each.compensation == "external"]
     shared = [_object(each, None) for each in own if axes and not each.of_axis]

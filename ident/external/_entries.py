@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ...data.lists import ListFile, Value, new_list
+from ...data.lists import EXTERNAL_LIMITS, ListFile, Value, new_list
 from ..exchange import LIST_UNITS, to_add
 from ..exchange._units import expect, round_to_list
 from ..kinds import kind
@@ -15,7 +15,6 @@ from ._extremes import Extremes
 EXTERNAL = "configuration.position_controller.enable_external_compensation_ifc"
 """Entry of the start-up list that opens the interface (P-STUP-00110)."""
 
-_EXTERNAL = "lr_param.ext_comp"
 _UNS32 = (0, 2**32 - 1)
 _WARNING = 1.1
 _ERROR = 1.5
@@ -50,15 +49,15 @@ def entries_of_external_axis(limits: ExternalAxis) -> dict[str, int | str]:
         ExchangeError: If the error limit is 0, which the controller refuses (70585), or
             a number does not fit.
     """
-    where, found = f"{_EXTERNAL}.err_limit", f"{limits.error:g}"
+    where, found = f"{EXTERNAL_LIMITS}.err_limit", f"{limits.error:g}"
     expect(limits.error > 0, where, found, "a limit above 0 (70585)")
     entries: dict[str, int | str] = {}
     for name, value in (("warn_limit", limits.warning), ("err_limit", limits.error)):
-        where = f"{_EXTERNAL}.{name}"
+        where = f"{EXTERNAL_LIMITS}.{name}"
         entries[where] = int(round_to_list(np.asarray(value), where, _UNS32))
     if limits.acceleration is not None:
         # Rounded down: never more than was asked for.
-        entries[f"{_EXTERNAL}.max_a"] = int(np.floor(limits.acceleration))
+        entries[f"{EXTERNAL_LIMITS}.max_a"] = int(np.floor(limits.acceleration))
     return entries
 
 

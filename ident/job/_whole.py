@@ -7,6 +7,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 
 import numpy as np
 
+from ...data.lists import EXTERNAL_LIMITS
 from ...data.measurements import MeasurementError
 from ...models import TemperatureCurve
 from .._recording import clocked
@@ -41,7 +42,7 @@ _WARM = (
     "Lengths that were not measured at the reference temperature are brought there by"
     " expansion and material_temperature."
 )
-_EXTERNAL = "lr_param.ext_comp.err_limit"
+_EXTERNAL = f"{EXTERNAL_LIMITS}.err_limit"
 """Entry of the axis list without which no external compensation moves the axis (P-AXIS-00744)."""
 _Read = tuple[Measured, Motion]
 """The error of an axis in one measurement, and where all axes were."""
@@ -249,7 +250,7 @@ class _Axis:
         yield Remark.error(
             f"{machine.source} lets an external compensation move {self.name} ({_EXTERNAL}"
             f" {machine.integer(_EXTERNAL)}): it and the {names} would correct the same error."
-            " Set its entries lr_param.ext_comp to 0 there, fit again, and load the lists"
+            f" Set its entries {EXTERNAL_LIMITS} to 0 there, fit again, and load the lists"
             " without it, or export them again (axcomp export-external). Where it held the"
             f" {names} of the list of {self.name} and was on while measuring, state active ="
             f" [{held}]; where it was off, active = []."
