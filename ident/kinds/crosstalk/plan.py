@@ -192,17 +192,10 @@ class CrosstalkPlan(AbstractPlan):
         fitted = self._found(log)
         recorded = log
         log, delay = without_delay(log, fitted.effect)
-        log, jump = without_jump(log, fitted.effect)
+        log, jump = self._straight(log, fitted.effect)
         if delay or jump:
             fitted = self._found(log)
-        remarks = recording.remarks
-        if jump:
-            words = (
-                f"The error of {self.axis} jumps by {1e3 * jump:+.2g} µm where"
-                f" {self.fit.master} turns to positive direction. No acceleration makes that,"
-                " and no list holds it: it was taken off. Look at the guides of both axes."
-            )
-            remarks = (*remarks, Remark.warning(words))
+        remarks = (*recording.remarks, *jump)
         # What the filter of an active list leaves of an event is no speed.
         form = fitted.effect
         whole, aligned = (self._without_list(each, form) for each in (recorded, log))
@@ -217,6 +210,18 @@ class CrosstalkPlan(AbstractPlan):
         base = self.job, self.index, self.fit, self
         return CrosstalkDraft(*base, fitted, log, remarks, delay)
 
+    def _straight(
+        self, log: JointData, form: Crosstalk
+    ) -> tuple[JointData, tuple[Remark, ...]]:
+        """Return a log without what jumps where the master turns, and what is said of it."""
+        log, jump = without_jump(log, form)
+        words = (
+            f"The error of {self.axis} jumps by {1e3 * jump:+.2g} µm where"
+            f" {self.fit.master} turns to positive direction. No acceleration makes that,"
+            " and no list holds it: it was taken off. Look at the guides of both axes."
+        )
+        return log, (Remark.warning(words),) if jump else ()
+
     def _without_list(self, log: JointData, form: Crosstalk) -> JointData:
         """Return a log as it would be without the list that acted, but for its filter."""
         if self.acting is None:
@@ -229,14 +234,14 @@ class CrosstalkPlan(AbstractPlan):
         assert isinstance(form, Crosstalk)  # of `effect`
         error = np.full(len(rows), np.nan)
         error[rows] = share.error
-        log = self._log(share.recording, error)
+        log, jump = self._straight(self._log(share.recording, error), form)
         fitted = self._found(log, form)
         determined = form.table(part.determined.astype(float)) > 0.5
         values = np.where(determined, fitted.values, np.nan)
         spread = np.where(determined, fitted.standard_deviation, np.inf)
         fitted = dataclasses.replace(fitted, values=values, standard_deviation=spread)
         base, remarks = (self.job, self.index, self.fit, self), share.remarks()
-        return CrosstalkDraft(*base, fitted, log, tuple(remarks))
+        return CrosstalkDraft(*base, fitted, log, (*remarks, *jump))
 
     @property
     def inputs(self) -> dict[str, tuple[str, ...]]:
