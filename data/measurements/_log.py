@@ -1,7 +1,7 @@
 """A log of a controller: its motion, and what it reported that it added."""
 
 import dataclasses
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -72,6 +72,7 @@ def read_log(
     increment: float | None = None,
     cycle: float | None = None,
     names: Collection[str] = COMPENSATIONS,
+    turns: Mapping[str, float] | None = None,
 ) -> ControllerLog:
     """Return what a log holds; columns are recognised by their names.
 
@@ -80,6 +81,7 @@ def read_log(
         increment: mm or ° per encoder increment, for columns in increments.
         cycle: Cycle time in s that the log must have; None takes what it has.
         names: Compensations that columns such as ``A3.cross`` may name.
+        turns: mm or ° of a turn, of axes that go round, by their name in the log.
 
     Raises:
         OSError: If the file cannot be read.
@@ -131,7 +133,7 @@ def read_log(
         raise MeasurementError(str(path), reason)
     axes = {role.partition(".")[0] for role in roles}
     increments = {} if increment is None else dict.fromkeys(axes, increment)
-    motion = measurement(table, roles, increments=increments)
+    motion = measurement(table, roles, increments=increments, turns=turns)
     for role in roles:
         motion.require(role)  # raises at a cell that is no number
     motion, rows = filled_in(motion, _FILLED)

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 from jaxtyping import Float
 
-_KINDS = ("position", "encoder", "actual")
+_KINDS = ("position", "encoder", "actual", "drive_position")
 _WITHIN = 1.001
 """Turns that a display which begins anew covers at most: its noise passes the ends."""
 _ALIKE = 3.0

@@ -55,7 +55,7 @@ def verify(
     from ..external import read_snapshot, verify_external, verify_snapshot
     from ..job import use_compilation_cache
     from ..kinds import kinds
-    from ..proof import Verification, verify_log
+    from ..proof import Verification, turns_in_log, verify_log
 
     ranges = axis_ranges(modulo, "--modulo")
     use_compilation_cache()
@@ -70,7 +70,8 @@ def verify(
             outside = verify_snapshot(lists, snapshot, reading)
         else:
             names = [kind.name for kind in kinds()]
-            logged = read_log(log, increment, cycle_time, names)
+            turns = turns_in_log(lists, ranges)
+            logged = read_log(log, increment, cycle_time, names, turns)
             outside, logged = verify_external(lists, logged, reading)
             if logged.offsets or not outside:
                 answer = verify_log(lists, logged, reading)

@@ -96,7 +96,7 @@ def simulate(
     lists = read_lists(files)
     with working("reading the motion") as step:
         table = read_table(motion)
-        path, happened = _motion_in(table), None
+        path, happened = _motion_in(table, ranges), None
         if events is not None:
             first = Lines.of(0, 1, None)  # whatever stands below it
             happened = _events_in(read_table(events, lines=first), path)
@@ -201,8 +201,12 @@ def _content(columns: "dict[str, np.ndarray]", *, parquet: bool = False) -> byte
     return sink.getvalue()
 
 
-def _motion_in(table: "Table") -> "Motion":
+def _motion_in(table: "Table", ranges: "Mapping[int, tuple[float, float]]") -> "Motion":
     """Return the motion of a file, in mm, °, s and °C; columns are roles of axis numbers.
+
+    Args:
+        table: As read.
+        ranges: Of the axes that go round, in °.
 
     Raises:
         MeasurementError: If an axis is no number, there is no position, or times do not
@@ -220,7 +224,8 @@ def _motion_in(table: "Table") -> "Motion":
             raise MeasurementError(str(table.path), words)
         return int(digits)
 
-    measured = measurement(table)
+    turns = {f"A{axis}": high - low for axis, (low, high) in ranges.items()}
+    measured = measurement(table, turns=turns)
     motion = Motion.of(measured, number)
     if not motion.positions:
         reason = "found no position, expected a column such as A1.position"

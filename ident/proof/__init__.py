@@ -52,6 +52,7 @@ if TYPE_CHECKING:
     from .verify import (
         Verdict as Verdict,
         Verification as Verification,
+        turns_in_log as turns_in_log,
         verify_log as verify_log,
     )
 

@@ -244,3 +244,42 @@ def test_a_cycle_time_that_disagrees_ends_in_one_line(
     error = capsys.readouterr().err
     assert "found a cycle time of 1 ms, expected 2 ms" in error
     assert error.count("\n") == 1
+
+
+def test_a_display_that_begins_anew_is_read_where_modulo_says_that_the_axis_goes_round(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    nodes = np.arange(0.0, 361.0, 30.0)
+    bent = np.round(0.02 * np.sin(np.radians(nodes)), 4)
+    table = "".join(
+        f"kw.crosscomp.table[{k}].setpoint {round(1e4 * place)}\n"
+        f"kw.crosscomp.table[{k}].correction {round(1e4 * value)}\n"
+        for k, (place, value) in enumerate(zip(nodes, bent, strict=True))
+    )
+    head = "kopf.achs_nr 3\nkw.crosscomp.unit 1\nkw.crosscomp.last_index 12\n"
+    (tmp_path / "achskw3.lis").write_text(f"{head}kw.crosscomp.master_ax_nr 1\n{table}")
+    shown = np.concatenate([np.arange(0, 800, 0.25), np.arange(800, 0, -0.25)]) % 360.0
+    rows = [
+        1e-3 * np.arange(shown.size),
+        shown,
+        0 * shown,
+        np.interp(shown, nodes, bent),
+    ]
+    heading = "time [s],A1.position [deg],A3.position [mm],A3.cross [mm]"
+    np.savetxt("log.csv", np.stack(rows, 1), "%.7f", ",", header=heading, comments="")
+    np.savetxt(
+        "motion.csv",
+        np.stack(rows[:3], 1),
+        "%.7f",
+        ",",
+        header=",".join(heading.split(",")[:3]),
+        comments="",
+    )
+    modulo = ["--modulo", "A1=0:360"]
+    assert main(["verify", "achskw3.lis", "--log", "log.csv", *modulo]) == 0
+    assert "A3 cross: agrees" in capsys.readouterr().out
+    assert main(["simulate", "achskw3.lis", "--motion", "motion.csv", *modulo]) == 0
+    printed = np.loadtxt(capsys.readouterr().out.splitlines()[1:], delimiter=",")
+    # Corrections are whole increments of 0.1 µm.
+    np.testing.assert_allclose(printed[:, 1], rows[3], atol=1e-4)

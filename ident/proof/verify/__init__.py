@@ -29,6 +29,7 @@ from ._judge import (
     reversal_words as reversal_words,
     worst_of as worst_of,
 )
+from ._lists import turns_in_log as turns_in_log
 from ._log import LogMotion as LogMotion, Target as Target
 from ._search import Found as Found, search as search
 from ._verify import Verification as Verification, verify_log as verify_log

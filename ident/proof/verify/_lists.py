@@ -71,11 +71,7 @@ def numbering(lists: Sequence[ListFile], source: str) -> Numbering:
 
     It raises an `ExchangeError` that names the source for any other.
     """
-    numbers: dict[str, int] = {}
-    for listing in lists:
-        name = listing.text("kopf.log_achs_name")
-        if name and listing.kind == "compensation":
-            numbers[name.strip().casefold()] = axis_number(listing)
+    numbers = {name.casefold(): axis for name, axis in _names(lists).items()}
 
     def number(text: str) -> int:
         match = re.fullmatch(r"A([0-9]+)", text)
@@ -87,6 +83,23 @@ def numbering(lists: Sequence[ListFile], source: str) -> Numbering:
         return numbers[text.casefold()]
 
     return number
+
+
+def turns_in_log(lists: Sequence[ListFile], ranges: Ranges) -> dict[str, float]:
+    """Return mm or ° of a turn, of axes that go round, by what a log may call them."""
+    names = {**{f"A{axis}": axis for axis in ranges}, **_names(lists)}
+    spans = {axis: high - low for axis, (low, high) in ranges.items()}
+    return {name: spans[axis] for name, axis in names.items() if axis in spans}
+
+
+def _names(lists: Sequence[ListFile]) -> dict[str, int]:
+    """Return the axis number that each name in a list stands for."""
+    found = ((listing, listing.text("kopf.log_achs_name")) for listing in lists)
+    return {
+        name.strip(): axis_number(listing)
+        for listing, name in found
+        if name and listing.kind == "compensation"
+    }
 
 
 def motion_of(log: ControllerLog, number: Numbering, ranges: Ranges) -> LogMotion:
