@@ -34,6 +34,7 @@ from ._heldout import (
     groups_of_passes as groups_of_passes,
     groups_of_runs as groups_of_runs,
     held_out as held_out,
+    run_variance as run_variance,
 )
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from jaxtyping import Float, Int
 
 from ...data.signals import travel_direction
 from ..exchange import LIST_UNITS, AbstractTable
-from ..fit import Samples, TableFit, predict
+from ..fit import RunEffect, Samples, TableFit, predict
 
 _WHOLE, _FEWEST = 0.8, 2
 """Share of the travel that a pass goes over at least, and passes there and back that tell."""
@@ -42,6 +42,7 @@ def held_out(
     before: Float[np.ndarray, " t"],
     active: Float[np.ndarray, " t"],
     *,
+    runs: Sequence[RunEffect] = (),
     by_run: bool = False,
 ) -> HeldOut:
     """Return what lists leave of the readings that they were fitted without.
@@ -57,6 +58,7 @@ def held_out(
         to_integers: From fits to the entries of their lists.
         before: Error as measured, per reading.
         active: Offset that was active while measuring, per reading.
+        runs: What all runs have of their own: one that is left out has as much.
         by_run: Whether the groups are runs.
     """
     folds = [fits[label] for label in sorted(fits)]
@@ -68,9 +70,9 @@ def held_out(
         own = samples.take(fold_of_reading == number)
         spread[fold_of_reading == number] = predict(fold, own.positions, own.branch)[1]
     noise = np.array([fold.noise**2 for fold in folds])
-    of_run = _run_variance(folds, fold_of_reading, samples)
     rounding = 1 / (12 * LIST_UNITS**2)
-    deviation = np.sqrt(spread**2 + noise[fold_of_reading] + of_run + rounding)
+    variance = spread**2 + noise[fold_of_reading] + run_variance(runs, samples.order)
+    deviation = np.sqrt(variance + rounding)
     return HeldOut(before + offset - active, deviation, by_run)
 
 
@@ -104,16 +106,17 @@ def groups_of_runs(run: Int[np.ndarray, " t"]) -> Int[np.ndarray, " t"]:
     return np.asarray(groups, dtype=np.int64)
 
 
-def _run_variance(
-    folds: Sequence[TableFit], fold_of_reading: Int[np.ndarray, " t"], samples: Samples
-) -> Float[np.ndarray, " t"]:
-    """Return what a run that was not measured yet adds by its own offset and drift."""
-    variances = np.zeros((len(folds), 2))
-    for row, runs in zip(variances, (fold.runs for fold in folds), strict=True):
-        if len(runs) > 1:
-            squares = [(run.offset**2, run.drift**2) for run in runs]
-            row[:] = np.sum(squares, axis=0) / (len(runs) - 1)
-    offset, drift = variances[fold_of_reading].T
-    if samples.order is None:
-        return np.asarray(offset)
-    return np.asarray(offset + drift * np.square(samples.order - 0.5))
+def run_variance(
+    runs: Sequence[RunEffect], order: Float[np.ndarray, " t"] | None
+) -> Float[np.ndarray, " t"] | float:
+    """Return what a run that was not measured yet adds by its own offset and drift, in mm².
+
+    Args:
+        runs: Those measured; fewer than two tell nothing.
+        order: Place of each reading in its run, 0 to 1; None: runs have no drift.
+    """
+    if len(runs) < 2:
+        return 0.0
+    squares = np.array([[run.offset**2, run.drift**2] for run in runs])
+    offset, drift = squares.sum(axis=0) / (len(runs) - 1)
+    return np.asarray(offset + (0.0 if order is None else drift * (order - 0.5) ** 2))

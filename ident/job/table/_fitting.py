@@ -25,6 +25,7 @@ from ...proof import (
     groups_of_passes,
     groups_of_runs,
     held_out,
+    run_variance,
 )
 from ...readings import Readings, Tables, place_in_run, runs_overlap, without_zero
 from .._draft import AbstractDraft, Leftovers
@@ -171,8 +172,9 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
         groups = spatial_blocks(fit.layout, samples) if passes is None else passes
     folds = leave_out(fit, samples, groups)
     heldout = held_out(
-        table, samples, folds, groups, plan.integers, before, acted, by_run=repeated
-    )
+        table, samples, folds, groups, plan.integers, before, acted,
+        runs=estimate.runs, by_run=repeated,
+    )  # fmt: skip
     readings = dataclasses.replace(readings, error=before)
     return TableDraft(
         plan.job, plan.index, spec, plan, estimate, effects, readings, heldout, remarks
@@ -200,10 +202,12 @@ def draft_of_share(plan: Plan, share: "Share") -> TableDraft:
     refuse_unowned_trend(plan, fit)
     if share.constant:
         fit = _doubted(plan, readings, samples, fit)
-    spread = float(np.hypot(share.noise, 1 / (np.sqrt(12.0) * LIST_UNITS)))
+    variance = (
+        share.noise**2 + 1 / (12.0 * LIST_UNITS**2) + run_variance(fit.runs, None)
+    )
     heldout = HeldOut(
         residual=share.predicted[share.rows],
-        standard_deviation=np.full(len(samples.error), spread),
+        standard_deviation=np.full(len(samples.error), np.sqrt(variance)),
         by_run=recording.by_run,
     )
     effects = "offset" if fit.runs else "none"

@@ -65,6 +65,24 @@ def test_an_arbitrary_zero_has_no_say_in_the_constant_of_a_list(
     assert not any("Contradicts" in remark.message for remark in screw.remarks)
 
 
+@pytest.mark.parametrize("group", ["", 'group = "X"\n'])
+def test_a_run_that_is_held_out_is_expected_to_be_as_far_off_as_runs_are(
+    tmp_path: Path, group: str
+) -> None:
+    zeros = 0.005 * np.random.default_rng(3).normal(size=12)
+    laser(tmp_path / "a.csv", zeros.tolist(), 1)
+    result = run_job(job(tmp_path, {"a": "none"}, group), tmp_path / "out")
+    (screw,) = result.fits
+    assert isinstance(screw, TableResult)
+    view = screw.samples
+    # Readings are 0.5 µm, and each node is known to 0.1 µm beside the mean of all runs.
+    expected = float(np.std(zeros, ddof=1))
+    assert float(np.median(view.predicted_sd)) == pytest.approx(expected, rel=0.05)
+    ratio = np.sqrt(np.mean((view.predicted / view.predicted_sd) ** 2))
+    # A run is predicted by the mean of the other eleven: 12/11 as far.
+    assert ratio == pytest.approx(1.0, abs=0.15)
+
+
 @pytest.mark.parametrize("creeps", [False, True])
 def test_zeros_of_two_measurements_are_told_from_a_creep(
     tmp_path: Path, creeps: bool
