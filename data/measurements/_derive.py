@@ -300,7 +300,8 @@ def on_even_clock(
 
     A time that was rounded, or stamped when a sample arrived, makes a smooth motion jerk. Where
     samples lie within one step of an even clock, and the motion of the axis is smoother by that
-    one, it is the clock of the controller.
+    one, it is the clock of the controller. Stamps that repeat tell of no gap: all samples are of
+    one clock, within a step in the mean.
 
     Args:
         measurement: Any.
@@ -310,28 +311,34 @@ def on_even_clock(
     try:
         time = np.asarray(measurement.require("time"), dtype=float)
         clock = read_clock(time)
-        if clock.jitter <= _JITTER * clock.sample_time:
+        coarse = any(jump.kind == "repeat" for jump in clock.jumps)
+        if clock.jitter <= _JITTER * clock.sample_time and not coarse:
             return measurement
         even = time.copy()
-        for rows in clock.segments:
+        for rows in (slice(None),) if coarse else clock.segments:
             count = np.arange(len(time[rows]), dtype=float)
             if len(count) > _LEAST:
                 even[rows] = np.polynomial.Polynomial.fit(count, time[rows], 1)(count)
-        moved = float(np.abs(even - time).max())
+        away = np.abs(even - time)
+        moved = float(away.mean() if coarse else away.max())
         values = measurement.values.replaced("time", even)
         found = dataclasses.replace(measurement, values=values)
-        pair = [derive_motion(one, axis, share=share) for one in (found, measurement)]
+        # No motion follows from stamps that repeat.
+        tried = (found,) if coarse else (found, measurement)
+        pair = [derive_motion(one, axis, share=share) for one in tried]
     except (MissingRole, MeasurementError, SignalError):
         return measurement  # who needs it says so
-    smooth, jerky = (
+    jerks = [
         float(np.std(np.diff(one.acceleration)[one.settled[1:] & one.settled[:-1]]))
         for one in pair
-    )
-    if moved > clock.sample_time or not smooth < _SMOOTHER * jerky:
+    ]
+    if moved > clock.sample_time or not (coarse or jerks[0] < _SMOOTHER * jerks[1]):
         return measurement
+    uneven = float(np.std(np.diff(time)))
     words = (
-        f"The times are uneven by {1e3 * clock.jitter:.2g} ms a step, and the motion of {axis} is"
-        f" smoother with samples every {1e3 * pair[0].clock.sample_time:.4g} ms: taken as these"
-        f" (times moved by up to {1e3 * moved:.2g} ms)."
+        f"The times are uneven by {1e3 * uneven:.2g} ms a step, and the motion of {axis} is"
+        f" {'known' if coarse else 'smoother'} with samples every"
+        f" {1e3 * pair[0].clock.sample_time:.4g} ms: taken as these (times moved by up to"
+        f" {1e3 * away.max():.2g} ms)."
     )
     return dataclasses.replace(found, remarks=(*measurement.remarks, words))
