@@ -7,15 +7,16 @@ INSTALLED := $(VENV)/.installed
 WORKERS ?= 2
 SIDE_BY_SIDE := $(BIN)/pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder
 
-.PHONY: demo test shapes test-all lint wheel-test bench docs clean
+.PHONY: demo test shapes test-all lint style mypy pyright wheel-test bench docs clean
 
 demo: $(INSTALLED)
 	$(BIN)/axcomp demo --out axcomp-demo
 
-# More than half of it is compilation. With these emitters of XLA and few optimisations it
-# takes a quarter of the time; what users compile with is tested by `make wheel-test` and
-# `make test-all`.
-test shapes: export XLA_FLAGS += --xla_cpu_use_fusion_emitters=false
+# More than half of it is compilation. With these emitters of XLA, few optimisations and one
+# thread for each it takes a quarter of the time; what users compile with is tested by
+# `make wheel-test` and `make test-all`.
+test shapes: export XLA_FLAGS += --xla_cpu_use_fusion_emitters=false \
+  --xla_cpu_parallel_codegen_split_count=1
 test shapes: export JAX_DISABLE_MOST_OPTIMIZATIONS := 1
 # A machine may ask Python to keep no bytecode: then both workers and each command that a
 # test starts would compile all sources again, 4 s of CPU a time.
@@ -24,15 +25,14 @@ test shapes test-all: export PYTHONDONTWRITEBYTECODE :=
 test shapes test-all: export JAX_COMPILATION_CACHE_DIR := $(CURDIR)/build/jax
 test shapes test-all: export JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS := 0
 test shapes test-all: export JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES := -1
-# Shapes are checked at each call of what computes with arrays. Checking them everywhere is half
-# of the time of many files: `make shapes` does so on one way through each package, and
-# `make test-all`, like pytest by itself, always.
-shapes: WAY := $(addprefix tests/ident/, test_cli_demo.py discover/test_discover_job.py \
-  joint_jobs/test_groups.py test_doctor.py test_convert.py volumetric external/test_export.py)
-test: SHAPES := axcomp.models,axcomp.ident.core,axcomp.ident.fit,axcomp.ident.friction
+# Checking shapes at each call is half of the time of many files: `make shapes` does so on one
+# way through each package, and `make test-all`, like pytest by itself, always.
+shapes: WAY := $(addprefix tests/models/test_, plane.py leadscrew.py friction.py surface.py) \
+  $(addprefix tests/ident/, core joint/test_joint_fit.py friction/test_choice.py \
+  test_cli_demo.py discover/test_discover_job.py joint_jobs/test_groups.py test_doctor.py \
+  test_convert.py volumetric external/test_export.py)
 test: $(INSTALLED)
-	$(SIDE_BY_SIDE) -m "not heavy" \
-	  --jaxtyping-packages=$(SHAPES),beartype.beartype
+	$(SIDE_BY_SIDE) -m "not heavy" --jaxtyping-packages=
 
 shapes: $(INSTALLED)
 	$(SIDE_BY_SIDE) -m "not heavy" $(WAY)
@@ -41,10 +41,16 @@ shapes: $(INSTALLED)
 test-all: $(INSTALLED)
 	$(SIDE_BY_SIDE)
 
-lint: $(INSTALLED)
+lint: style mypy pyright
+
+style: $(INSTALLED)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+
+mypy: $(INSTALLED)
 	$(BIN)/mypy
+
+pyright: $(INSTALLED)
 	$(BIN)/pyright --pythonpath $(BIN)/python
 
 # The wheel as a user gets it, in an environment of its own, from a folder that holds no

@@ -355,7 +355,11 @@ def path_of(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
 
 @pytest.mark.parametrize(
     ("sign", "said"),
-    [(1.0, {"right"}), (-1.0, {"sign"}), (0.0, {"cannot tell", "wrong axis"})],
+    [
+        (1.0, {"right"}),
+        (-1.0, {"sign"}),
+        pytest.param(0.0, {"cannot tell", "wrong axis"}, marks=pytest.mark.heavy),
+    ],
 )
 def test_logs_of_other_paths_judge_each_list_by_the_axes_that_it_follows(
     sign: float, said: set[str]

@@ -126,9 +126,7 @@ def test_rough_plane_comes_back_as_well_as_with_the_best_fixed_smoothness() -> N
     "name",
     [
         SMOOTH[0],
-        pytest.param(SMOOTH[1], marks=pytest.mark.heavy),
-        pytest.param(SMOOTH[2], marks=pytest.mark.heavy),
-        pytest.param(SMOOTH[3], marks=pytest.mark.slow),
+        *(pytest.param(name, marks=pytest.mark.heavy) for name in SMOOTH[1:]),
     ],
 )
 def test_smooth_plane_comes_back_better_than_with_the_best_fixed_smoothness(

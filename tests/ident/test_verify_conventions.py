@@ -155,7 +155,7 @@ def plateau(step: float) -> ListFile:
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("step", [40.0, 50.0])
+@pytest.mark.parametrize("step", [pytest.param(40.0, marks=pytest.mark.heavy), 50.0])
 def test_a_plateau_is_not_taken_for_one_elsewhere_where_the_indices_are_exchanged(
     tmp_path: Path, step: float
 ) -> None:

@@ -65,7 +65,11 @@ def test_few_readings_state_deviations_that_are_honest() -> None:
     assert np.mean(np.abs(distances) < 2.0) > 0.93
 
 
-@pytest.mark.parametrize("kept", [np.exp(-1.0 / 5.0), np.exp(-1.0 / 50.0), 1.0])
+@pytest.mark.parametrize(
+    "kept",
+    [pytest.param(np.exp(-1.0 / k), marks=pytest.mark.heavy) for k in (5.0, 50.0)]
+    + [1.0],
+)
 def test_deviations_know_that_the_memory_of_a_drift_is_hardly_known(
     kept: float,
 ) -> None:
