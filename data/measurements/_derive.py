@@ -24,6 +24,8 @@ sign, and how many times as large it is to have another unit: a filter leaves le
 _JITTER, _SMOOTHER, _LEAST = 0.005, 0.7, 100
 """Share of a step by which a clock may be uneven unheeded; jerk with an even one, of that with the
 recorded one, below which the even one is right; and samples without a jump that tell it."""
+_OWN = 0.3
+"""How often samples with one stamp must differ in place, as a share of how often all others do."""
 _REPEATED = 1.0 / 3.0
 """Share of samples at the instant before them from which on the clock is too coarse."""
 
@@ -311,7 +313,7 @@ def on_even_clock(
     try:
         time = np.asarray(measurement.require("time"), dtype=float)
         clock = read_clock(time)
-        coarse = any(jump.kind == "repeat" for jump in clock.jumps)
+        coarse = _is_coarse(measurement, axis, time)
         if clock.jitter <= _JITTER * clock.sample_time and not coarse:
             return measurement
         even = time.copy()
@@ -342,3 +344,18 @@ def on_even_clock(
         f" {1e3 * away.max():.2g} ms)."
     )
     return dataclasses.replace(found, remarks=(*measurement.remarks, words))
+
+
+def _is_coarse(
+    measurement: Measurement, axis: str, time: Float[np.ndarray, " t"]
+) -> bool:
+    """Return whether samples of a motion share a time stamp; rows written twice do not."""
+    again = np.diff(time) == 0.0
+    roles = (f"{axis}.{kind}" for kind in ("encoder", "actual", "position"))
+    place = next(
+        (measurement.values[r] for r in roles if r in measurement.values), None
+    )
+    if place is None or not again.any() or again.all():
+        return False
+    moves = np.diff(place) != 0.0
+    return bool(moves[again].mean() > _OWN * moves[~again].mean())
