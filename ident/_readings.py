@@ -7,7 +7,7 @@ import contextlib
 import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import ClassVar, Literal, final
+from typing import Any, ClassVar, Literal, final
 
 import numpy as np
 from jax.core import Tracer
@@ -224,8 +224,7 @@ def _directions(given: np.ndarray, role: str) -> np.ndarray:
     """
     if given.dtype.kind in "SUO":
         given = given.astype(str) if given.dtype.kind == "S" else given
-        words = [direction_of(str(each)) for each in given.ravel()]
-        given = np.reshape([0 if way is None else way for way in words], given.shape)
+        given = np.reshape([_direction(each) for each in given.ravel()], given.shape)
     strange = given[~(np.isin(given, (-1, 1)) | np.isnan(given))]
     if given.dtype == bool or strange.size:
         msg = (
@@ -234,6 +233,14 @@ def _directions(given: np.ndarray, role: str) -> np.ndarray:
         )
         raise FitError(msg)
     return given
+
+
+def _direction(cell: Any) -> float:
+    """Return a direction as ±1, NaN where not known; 0 of what is none."""
+    try:
+        return float("nan" if cell is None else cell)
+    except ValueError:
+        return direction_of(str(cell)) or 0.0
 
 
 def _measured(data: Measurement, role: str) -> np.ndarray | None:

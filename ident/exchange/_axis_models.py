@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
+from numbers import Integral
 from pathlib import Path
 from typing import Any, final
 
@@ -190,7 +191,7 @@ def write_lists(
         expect(isinstance(axis_models, AxisModels), "models", name, example)
     numbers = [axis_models.axis for axis_models in given_models]
     for number in numbers:
-        natural = isinstance(number, int) and number >= 1
+        natural = isinstance(number, Integral) and number >= 1
         expect(natural, "axis", repr(number), "its logical number, 1 or more")
     surplus = {*(lists or {})} - {*numbers}
     expect(not surplus, "lists", f"axes {sorted(surplus)}", f"some of {numbers}")

@@ -8,7 +8,9 @@ import itertools
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+import scipy.sparse as sp
 from jaxtyping import Bool, Float, Int
+from scipy.sparse.csgraph import connected_components
 
 _LEAST = 3
 """Readings that a run must have, so that it can have an offset of its own."""
@@ -121,6 +123,9 @@ def runs_overlap(
 ) -> bool:
     """Return whether every run goes over places that others go over too.
 
+    Runs that no place joins to the rest, as the lines of a surface that are passed twice each,
+    tell nothing of what they have in common: it is theirs or the table's.
+
     Args:
         positions: Of the masters.
         run: Run per reading.
@@ -135,6 +140,10 @@ def runs_overlap(
         # Nearest node: readings at the nodes themselves must not fall to either side.
         middle = 0.5 * (line[1:] + line[:-1])
         cell = cell * len(line) + np.searchsorted(middle, positions[:, k])
+    places, seen = ranked(cell)
+    met = sp.coo_array((np.ones(len(cell)), (index, runs + seen)), (runs + places,) * 2)
+    if connected_components(met, directed=False)[0] > 1:
+        return False
     if direction is not None:
         cell = 2 * cell + (direction < 0)
     place, visitor = np.divmod(np.unique(cell * runs + index), runs)

@@ -101,7 +101,8 @@ def test_a_model_of_rules_that_no_list_holds_is_refused(
 def test_a_backlash_goes_into_the_axis_list(tmp_path: Path) -> None:
     machine = tmp_path / "achsmds1.lis"
     machine.write_text("kopf.achs_nr 1\nlr_param.anwahl_losekomp 0 # off\n")
-    given = AxisModels(1, {"backlash": Backlash(0.0123, reference=1, cycles=5)})
+    number: Any = np.int64(1)  # of a table of axes
+    given = AxisModels(number, {"backlash": Backlash(0.0123, reference=1, cycles=5)})
     (file,) = write_lists(given, tmp_path / "out", lists={1: machine})
     assert file.name == "achsmds1.lis"
     assert "# off" in file.read_text()

@@ -29,6 +29,9 @@ from axcomp.models import Conventions
 from ..conftest import leave_drawings_out
 from .nc_machine import KEYWORDS, Machine
 
+# Two minutes of a mill are simulated: longer than a compilation with few optimisations saves.
+pytestmark = pytest.mark.usefixtures("optimised")
+
 
 @pytest.fixture(scope="module")
 def demo(tmp_path_factory: pytest.TempPathFactory) -> Path:

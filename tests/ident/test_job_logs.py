@@ -29,9 +29,16 @@ points = [11, 11]
 PER_LINE = 150
 
 
-def fit(folder: Path, table: str, x: Array, y: Array, error: Array) -> dict[str, Any]:
-    rows = np.column_stack([0.01 * np.arange(x.size), x, y, 1e3 * error])
+def fit(
+    folder: Path, table: str, x: Array, y: Array, error: Array, runs: int = 0
+) -> dict[str, Any]:
+    """Fit a table to a log; of so many runs of equal length, where any are numbered."""
+    columns = [0.01 * np.arange(x.size), x, y, 1e3 * error]
     header = "t [s],X.position [mm],Y.position [mm],Z.error [um]"
+    if runs:
+        columns.append(np.arange(x.size) * runs // x.size)
+        header += ",run"
+    rows = np.column_stack(columns)
     np.savetxt(folder / "log.csv", rows, "%.4f", ",", header=header, comments="")
     axes = "".join(f"[axes.{name}]\nnumber = {k}\n" for k, name in enumerate("XYZ", 1))
     measured = '[measurements.log]\nfile = "log.csv"\nactive = []\nremove = "none"\n'
@@ -91,13 +98,16 @@ def test_a_group_holds_what_neighbours_in_time_share_once(tmp_path: Path) -> Non
         assert 0.4 < np.sqrt(np.mean(np.square(ratio))) < 1.6
 
 
-def test_lost_motion_does_not_become_waves_of_a_surface(tmp_path: Path) -> None:
+@pytest.mark.parametrize("runs", [0, 2])
+def test_lost_motion_does_not_become_waves_of_a_surface(
+    tmp_path: Path, runs: int
+) -> None:
     rng = np.random.default_rng(52)
-    x, way = there_and_back(11)
-    y = np.repeat(20.0 * np.arange(11), PER_LINE)
+    x, way = (np.tile(each, max(runs, 1)) for each in there_and_back(11))
+    y = np.tile(np.repeat(20.0 * np.arange(11), PER_LINE), max(runs, 1))
     truth = 2e-2 * np.sin(x / 90.0) * np.cos(y / 120.0)
     error = truth + 3e-3 * way + 5e-4 * rng.standard_normal(x.size)
-    found = fit(tmp_path, PLANE, x, y, error)
+    found = fit(tmp_path, PLANE, x, y, error, runs)
     nx, ny = np.meshgrid(30.0 * np.arange(11), 20.0 * np.arange(11))
     off = np.array(found["parameters"]["table"]) + 2e-2 * np.sin(nx / 90) * np.cos(
         ny / 120

@@ -69,6 +69,15 @@ def test_directions_of_a_bilateral_table_are_different_places() -> None:
     assert not runs_overlap(place, run, (NODES,), direction)
 
 
+def test_lines_of_a_surface_that_are_passed_twice_each_are_no_repeated_runs() -> None:
+    x, y = np.tile(NODES, 6), np.repeat([0.0, 0.0, 50.0, 50.0, 100.0, 100.0], 5)
+    nodes = NODES, np.array([0.0, 50.0, 100.0])
+    each, place = np.repeat(np.arange(6), 5), np.stack([x, y], axis=1)
+    assert not runs_overlap(place, each, nodes, None)
+    # Passed there as a whole, and once more.
+    assert runs_overlap(place, each % 2, nodes, None)
+
+
 def test_runs_of_one_reading_have_no_offset_of_their_own() -> None:
     assert not runs_overlap(np.zeros((6, 1)), np.arange(6), (NODES,), None)
 

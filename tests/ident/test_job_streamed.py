@@ -339,3 +339,9 @@ def test_the_last_reading_of_a_log_in_pieces_counts_as_one_in_memory(
     results = both(tmp_path, CROSS, measurement='remove = "none"')
     assert_same(tmp_path, results)
     assert "nobody measured" not in words(results[1])
+
+
+def test_both_directions_of_one_log_in_pieces_are_of_one_zero(tmp_path: Path) -> None:
+    log(tmp_path / "log.parquet")
+    found = both(tmp_path, LEADSCREW, measurement='remove = "offset"')
+    assert not any("measured by itself" in words(one) for one in found)

@@ -197,6 +197,10 @@ def test_directions_are_one_and_minus_one_or_words() -> None:
     assert float(width) == pytest.approx(-0.006, abs=3e-4)
     words = {"X.direction": np.where(forwards, "+", "-")}
     assert float(axcomp.fit(stack, data | words)["backlash"].model.width) == width
+    mixed = np.array([None if k == 3 else each for k, each in enumerate(way)], object)
+    for given in (way.astype(object), way.astype(str), mixed):
+        found = axcomp.fit(stack, data | {"X.direction": given})["backlash"].model.width
+        assert float(found) == pytest.approx(float(width), abs=3e-4)
     # Taken for numbers, these would make the backlash twice as wide.
     for wrong, found in ((forwards, "False"), (1 * forwards, "0"), (3 * forwards, "3")):
         with pytest.raises(FitError, match=f"direction: found {found}, expected 1 and"):

@@ -34,7 +34,13 @@ from ._draft import TableDraft
 from ._ends import better_nodes, held_beyond, refuse_small_part, two_places
 from ._log_draft import fit_log
 from ._log_readings import in_pieces
-from ._passes import as_passes_differ, nearest_node, of_both_ways, one_way
+from ._passes import (
+    as_passes_differ,
+    nearest_node,
+    of_both_ways,
+    one_way,
+    zeros_apart,
+)
 from ._plan import Plan, missing_way
 from ._readings import read_fit, with_one_zero
 from ._remarks import LOG, doubt_of_places, limit_remarks, outside
@@ -108,6 +114,8 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
             " others: offsets of single runs are not estimated."
         )
         remarks.append(Remark.info(words))
+    if owner is None and not repeated:
+        remarks += zeros_apart(plan, readings)
     branch = plan.branch(readings.direction)
     samples = Samples(
         positions=readings.positions,
@@ -143,7 +151,7 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
         allow_gaps=finer,
     )
     fit = fit_to(samples)
-    if run is None and branch is None:
+    if branch is None:
         samples, apart = of_both_ways(plan, readings, samples, fit)
         remarks += apart
         fit = fit_to(samples) if apart else fit

@@ -1,11 +1,12 @@
 """Logs of an axis in motion: what the readings of a pass share, and what both ways differ by."""
 
 import dataclasses
+import itertools
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from ....data.signals import independent, travel_direction
+from ....data.signals import NORMAL, independent, travel_direction
 from ...fit import Samples, TableFit, as_alike, fit_table
 from ...readings import Readings
 from ..result._result import Remark
@@ -19,6 +20,8 @@ node that tell how they differ; and the variance, in that of white noise, from w
 _FAST, _ONE_WAY, _LATE = 0.5, 0.98, 0.01
 """s between readings of a log in motion; mean sign of its speed that is one way; s by which an
 instrument is late, for what it would do."""
+_IN_COMMON = 3
+"""Places that two measurements share, from which on their zeros can be compared."""
 _NOTHING = 1e-18
 """mm²: variance of what readings without any noise tell."""
 _LOOSE, _FAINT = 1e-6, 1e-3
@@ -139,6 +142,34 @@ def nearest_node(plan: Plan, samples: Samples) -> Int[np.ndarray, " t"]:
         middles = 0.5 * (nodes.positions[1:] + nodes.positions[:-1])
         at.append(np.searchsorted(middles, places))
     return np.ravel_multi_index(tuple(at), plan.table.layout.shape)
+
+
+def zeros_apart(plan: Plan, readings: Readings) -> list[Remark]:
+    """Return a doubt where a measurement lies beyond another at the places of both."""
+    branch = plan.branch(readings.direction)
+    samples = Samples(readings.positions, readings.error, branch)
+    place, size = nearest_node(plan, samples), plan.table.layout.size
+    means, found = {}, list[tuple[float, str, str]]()
+    for name, rows in readings.slices.items():
+        count = np.bincount(place[rows], minlength=size)
+        total = np.bincount(place[rows], readings.error[rows], size)
+        means[name] = np.where(count > 0, total / np.maximum(count, 1), np.nan)
+    for low, high in itertools.permutations(means, 2):
+        gaps = means[high] - means[low]
+        gaps = gaps[np.isfinite(gaps)]
+        if len(gaps) >= _IN_COMMON:
+            apart = float(np.median(gaps))
+            scatter = NORMAL * float(np.median(np.abs(gaps - apart)))
+            if apart > max(SEEN * scatter, TINY):
+                found.append((apart, low, high))
+    return [
+        Remark.warning(
+            f"Measurement {high!r} lies {plan.small(apart)} above {low!r} where both were read."
+            ' Where the zero of one is the instrument\'s, state remove = "offset" of it: what is'
+            " written holds a mean of both."
+        )
+        for apart, low, high in sorted(found)[-1:]
+    ]
 
 
 def of_both_ways(

@@ -74,9 +74,9 @@ def _zero_of_each_direction(draft: "TableDraft") -> Iterator[Remark]:
         " a measurement of the lost motion at one place."
     )
     specs = draft.job.spec.measurements
-    if all(specs[name].remove != "none" for name in readings.slices) and all(
-        len(np.unique(way[rows])) == 1 for rows in readings.slices.values()
-    ):
+    apart = [len(np.unique(way[rows])) == 1 for rows in readings.slices.values()]
+    zeroed = all(specs[name].remove != "none" for name in readings.slices)
+    if apart and all(apart) and zeroed:
         yield Remark.warning(
             "Each direction was measured by itself, with a zero of the instrument's (remove):"
             f" {lost}"

@@ -83,6 +83,23 @@ def test_a_run_that_is_held_out_is_expected_to_be_as_far_off_as_runs_are(
     assert ratio == pytest.approx(1.0, abs=0.15)
 
 
+@pytest.mark.parametrize("apart", [0.0, 0.08])
+def test_zeros_of_measurements_without_runs_are_compared_where_both_were_read(
+    tmp_path: Path, apart: float
+) -> None:
+    rng = np.random.default_rng(1)
+    for name, place, zero in (("a", NODES[:8], 0.0), ("b", NODES[5:], apart)):
+        seen = error(place) + zero + 5e-4 * rng.normal(size=len(place))
+        table(tmp_path / f"{name}.csv", "position,error", place, seen)
+    path = job(tmp_path, {"a": "none", "b": "none"})
+    path.write_text(path.read_text().replace('run = "run"\n', ""))
+    (screw,) = run_job(path, tmp_path / "out").fits
+    said = " ".join(remark.message for remark in screw.remarks)
+    assert bool(re.search("'b' lies (79|80|81) µm above 'a' where both", said)) is bool(
+        apart
+    )
+
+
 @pytest.mark.parametrize("creeps", [False, True])
 def test_zeros_of_two_measurements_are_told_from_a_creep(
     tmp_path: Path, creeps: bool
