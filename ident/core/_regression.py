@@ -1,7 +1,7 @@
 r"""Robust regression on few columns, with noise that drifts.
 
 For curves (thermal line, backlash, acceleration events): a stack of a few columns without a
-prior, fitted by `Passes`. The singular values of the design decide what the readings
+prior, fitted by `Passes`. The information of the columns decides what the readings
 determine, and the covariance is that of the estimate under residuals that remember: white noise
 plus a drift that forgets with a time constant. Covariance of two readings: $\sigma_w^2/w_t$ on
 the diagonal, plus $\sigma_d^2 e^{-|t-t'|/\tau}$ (Ornstein-Uhlenbeck). The drift has a
@@ -34,8 +34,8 @@ _RIDGE = 1e-9
 _MAGNITUDES = 10
 """Passes of least magnitudes, which only begin."""
 SINGULAR = 1e-9
-"""Size of a combination of scaled columns, in that of the largest, from which on it is 0; and
-information on a direction of scaled unknowns below which nothing is known."""
+"""Information on a direction of scaled unknowns below which nothing is known, and smallness of
+what is 0 beside the largest of its kind."""
 _EXACT = 1e-6
 """Smallest scatter relative to the spread of the readings."""
 _THIN = 20_000
@@ -262,7 +262,7 @@ def regress(
         msg = f"{count} readings for {size} unknowns, expected more than {size}."
         raise FitError(msg)
     # In an orthonormal basis of the columns the information is a unit matrix.
-    basis, null = _spectrum(design)
+    basis, null = rooted(design.T @ design)
     if noise is None and null.shape[1]:
         msg = "the readings cannot tell the columns apart."
         raise FitError(msg)
@@ -281,7 +281,7 @@ def regress(
     pseudo = (fit.loss.share(ratio) * residual / fit.posterior.problem.gain)[rows]
     clock = np.arange(count, dtype=float) if time is None else np.asarray(time)
     clock, active = clock[rows], design[rows]
-    span, kernel = _spectrum(active)
+    span, kernel = rooted(active.T @ active)
     undetermined = (np.abs(kernel) > SINGULAR**0.5).any(axis=1)
     # The likelihood needs as many columns as the readings see.
     spanning = active @ span
@@ -331,21 +331,6 @@ def estimate_columns(
     stack = Stack((ColumnsEffect(NoPrior(size), _RIDGE),), banded=False)
     over, none = memory(stack, Readings(target, {}), columns), np.zeros(0)
     return Passes(stack, over, loss, lambda _: none, floor).run(start)
-
-
-def _spectrum(
-    design: Float[np.ndarray, "t k"],
-) -> tuple[Float[np.ndarray, "k r"], Float[np.ndarray, "k n"]]:
-    """Return combinations of columns of about length 1: those that the readings see, and others.
-
-    The first make orthonormal columns: their products with themselves are the inverse of the
-    normal matrix, 0 for what the readings do not see.
-    """
-    size = design.shape[1]
-    _, values, right = np.linalg.svd(np.linalg.qr(design, mode="r"))
-    values = np.append(values, np.zeros(size - len(values)))
-    positive = values > SINGULAR * max(float(values[0]), 1e-300)
-    return right[positive].T / values[positive], right[~positive].T
 
 
 def rooted(
