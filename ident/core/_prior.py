@@ -86,13 +86,9 @@ class Chain:
         """Least non-zero eigenvalue of both penalties; 0 on a long chain."""
         if self.size > _LONG:
             return 0.0, 0.0
-        smallest = []
-        for block in self.rows:
-            values = np.square(np.linalg.svd(block.toarray(), compute_uv=False))
-            # All rows are independent but for one on a ring, where they sum to zero.
-            values = values[: len(values) - int(self.ring)]
-            smallest.append(float(values[-1]) if len(values) else 0.0)
-        return smallest[0], smallest[1]
+        both = self.eigenvalues(1.0), self.eigenvalues(0.0, 1.0)
+        second, fourth = (float(min(v[v > 0.0], default=0.0)) for v in both)
+        return second, fourth
 
     @property
     def bounds(self) -> Float[np.ndarray, "2 2"]:
@@ -112,30 +108,26 @@ class Chain:
         if rows and self.size > self.free:
             # Squares of singular values: small ones keep their digits beside large ones.
             singular = np.linalg.svd(np.vstack(rows), compute_uv=False)
-            count = self.size - self.free
-            result[self.free :] = np.square(singular[:count][::-1])
+            shown = singular[: self.size - self.free]
+            result[self.size - len(shown) :] = np.square(shown[::-1])
         return result
 
     @cached_property
-    def _factored(self) -> tuple[Vector, Vector, float]:
+    def _factored(self) -> tuple[Vector, float]:
         """Precisions of fourth differences where second ones have weight 1.
 
-        With them the shares of the left null vector of a ring (empty elsewhere), and the
-        log-determinant at weight 1 of the second differences alone.
+        With them the log-determinant at weight 1 of the second differences alone.
         """
         second, outer = self._differences
-        if not self.ring:
-            constant = band_logdet(lower_band(sp.csr_array(second @ second.T)))
-            inner = lower_band(sp.csr_array(outer.T @ outer))
-            stiffness = np.maximum(eigvals_banded(inner.T, lower=True), 0.0)
-            stiffness[: int(np.diff(np.asarray(outer.shape))[0])] = 0.0  # left free
-            return stiffness, np.zeros(0), constant
-        left, singular, _ = np.linalg.svd(second.toarray(), full_matrices=True)
-        constant = 2.0 * float(np.log(singular[: self.size - self.free]).sum())
-        _, values, modes = np.linalg.svd(outer.toarray(), full_matrices=True)
-        stiffness = np.square(values)
-        stiffness[stiffness < 1e-12 * stiffness.max(initial=0.0)] = 0.0
-        return stiffness, np.square(modes @ left[:, -1]), constant
+        if self.ring:
+            # The last is 0: that of the one direction which second differences never take.
+            sizes = np.linalg.svd(outer.toarray(), compute_uv=False)[:-1]
+            return np.square(sizes), float(np.log(self.eigenvalues(1.0)[1:]).sum())
+        constant = band_logdet(lower_band(sp.csr_array(second @ second.T)))
+        inner = lower_band(sp.csr_array(outer.T @ outer))
+        stiffness = np.maximum(eigvals_banded(inner.T, lower=True), 0.0)
+        stiffness[: int(np.diff(np.asarray(outer.shape))[0])] = 0.0  # left free
+        return stiffness, constant
 
     def logdet(self, weights: Vector, shift: float = 0.0) -> float:
         """Return the log of the product of the non-zero eigenvalues, a shift added to all."""
@@ -147,10 +139,8 @@ class Chain:
             return band_logdet(columns)
         if self.size == self.free:
             return 0.0
-        stiffness, share, constant = self._factored
-        precision = weights[0] + weights[1] * stiffness
-        value = constant + np.log(precision).sum()
-        return float(value + np.log((share / precision).sum()) if len(share) else value)
+        stiffness, constant = self._factored
+        return float(constant + np.log(weights[0] + weights[1] * stiffness).sum())
 
     @cached_property
     def straight(self) -> Float[np.ndarray, "n z"]:
