@@ -152,28 +152,23 @@ def level_of(error: Float[np.ndarray, " t"]) -> float:
     return float(np.median(error[:_FIRST]))
 
 
-def fixed_weights(
-    smoothness: str | float | Vector,
-) -> Callable[[Problem], Vector] | None:
+def fixed_weights(smoothness: Smoothness) -> Callable[[Problem], Vector] | None:
     """Return the weights that were asked for, given the sums; None for ``"auto"``.
 
-    Of each term, or of all second differences, without fourth ones. Second differences that are
-    given none fill gaps.
+    Of all second differences, without fourth ones; those that are given none fill gaps.
 
     Raises:
         FitError: If it is no smoothness.
     """
-    if isinstance(smoothness, str) and smoothness == "auto":
+    if smoothness == "auto":
         return None
-    stated = smoothness
-    if isinstance(stated, str) or not np.all((stated >= 0.0) & (stated < np.inf)):
-        msg = f"smoothness: found {stated!r}, expected 'auto' or a number >= 0."
+    if isinstance(smoothness, str) or not 0.0 <= smoothness < np.inf:
+        msg = f"smoothness: found {smoothness!r}, expected 'auto' or a number >= 0."
         raise FitError(msg)
 
     def weights(problem: Problem) -> Vector:
         second = np.where(problem.stack.optional, 0.0, 1.0)
-        asked = stated if isinstance(stated, np.ndarray) else second * stated
-        return np.asarray(np.maximum(asked, second * FILL * problem.density))
+        return np.asarray(second * np.maximum(smoothness, FILL * problem.density))
 
     return weights
 

@@ -23,15 +23,12 @@ from ...core import (
     one_blas_thread,
 )
 from .._table import fixed_weights
-from .._types import RunEffect
+from .._types import RunEffect, Smoothness
 from ._design import Design, design_of
 from ._effect import TABLES, AbstractEffect, Rank
 from ._identified import Identified, identified
 from ._lag import WORTH, FoundLag, find_lags, lag_bounds, lagging, sensed_variances
 from ._memory import Memory, times
-
-Smoothness = str | float | Mapping[str, Mapping[str, float]]
-"""``"auto"``, a number, or weights by name of the table."""
 
 _SURE = 2.0
 """Deviations that a lag differs from none by, at least."""
@@ -294,13 +291,7 @@ def _estimated(
     rough: bool = False,
 ) -> Estimate:
     """Return the fit of the stack for given lags."""
-    error = design.error
-    if isinstance(smoothness, Mapping):
-        names = design.weights
-        stated = [smoothness.get(part, {}).get(name, 0.0) for part, name in names]
-        weights = fixed_weights(np.array(stated, float))
-    else:
-        weights = fixed_weights(smoothness)
+    error, weights = design.error, fixed_weights(smoothness)
     if len(error) <= design.free:
         msg = (
             f"axis {design.axis}: {len(error)} readings leave nothing to judge the "

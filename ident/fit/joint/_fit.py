@@ -18,8 +18,8 @@ from ...core import (
     sums_by_group,
 )
 from .._table import TOO_MANY
-from .._types import RunEffect
-from ._axis import AxisFit, Smoothness, fit_axis
+from .._types import RunEffect, Smoothness
+from ._axis import AxisFit, fit_axis
 from ._design import design_of
 from ._effect import AbstractEffect, Rank
 from ._gauge import Rules
@@ -199,8 +199,7 @@ def fit_joint(
         effects: What to fit; each at most once.
         loss: ``"student"`` and ``"huber"`` resist wild readings, ``"gauss"`` is least squares.
         smoothness: ``"auto"``: by evidence; a number: weight of the squared second
-            differences of all tables, relative to 1/noise²; or the weights of an earlier fit by
-            name of the effect (`Part.smoothness`).
+            differences of all tables, relative to 1/noise².
         drift: Pieces of the drift of each run; 0 = an offset per run only, and that only
             where there are several runs. Between these pieces' knots the reference wanders.
         use: Rows to fit; None = all. The others serve as history of lags only.

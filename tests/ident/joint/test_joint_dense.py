@@ -22,6 +22,7 @@ from axcomp.ident.fit.joint import (
 from .gauge import in_gauge
 
 NOISE = 5e-4  # mm
+SMOOTHNESS = 3.0  # of second differences, relative to 1/noise²
 
 
 def _rows(effect: Any, weights: Any) -> np.ndarray:
@@ -100,16 +101,15 @@ def test_deviations_are_those_of_dense_algebra(mixed: Any) -> None:
         Backlash("X"),
     ]
     whole = fit_joint(case.data, stack, loss="gauss")
-    smoothness = {part.name: part.smoothness for part in whole.parts}
     # What these effects do not explain has a memory in time; white noise has none.
     noise = np.random.default_rng(1).normal(0.0, whole.noise["X"], 800)
     white = {"X": whole.predict(case.data)["X"] + noise}
     data = dataclasses.replace(case.data, error=white)
-    fit = fit_joint(data, stack, loss="gauss", smoothness=smoothness)
+    fit = fit_joint(data, stack, loss="gauss", smoothness=SMOOTHNESS)
     effects = [part.effect for part in fit.parts]
     blocks = [effect.block(case.data).columns.toarray() for effect in effects]
     columns = np.hstack([*blocks, np.ones((800, 1))])
-    rows = [_rows(each, smoothness[each.name]) for each in effects]
+    rows = [_rows(part.effect, part.smoothness) for part in fit.parts]
     prior = np.asarray(scipy.linalg.block_diag(*rows, np.zeros((0, 1))))
     whole_matrix = np.vstack([columns, prior])
     # Random errors of the readings and of the prior, moved to the rule one by one.
@@ -135,13 +135,13 @@ def test_a_group_is_left_out_as_if_it_had_never_been_measured(
 ) -> None:
     case = mixed(4, count=1500, outliers=0.0)
     groups = np.arange(1500) // 500
-    fit = fit_joint(case.data, effects(), loss="gauss")
+    options: Any = {"loss": "gauss", "smoothness": SMOOTHNESS}
+    fit = fit_joint(case.data, effects(), **options)
     left = held_out_errors(fit, groups)["X"]
-    weights = {part.name: part.smoothness for part in fit.parts}
     found = [part.effect for part in fit.parts]  # with their lags
     for group in range(3):
         use = groups != group
-        fold = fit_joint(case.data, found, loss="gauss", smoothness=weights, use=use)
+        fold = fit_joint(case.data, found, **options, use=use)
         own = (case.data.error["X"] - fold.predict(case.data)["X"])[~use]
         # Least squares by the same weights: nothing but rounding.
         assert left[~use] == pytest.approx(own, abs=1e-8)
