@@ -171,12 +171,6 @@ class Design:
         return places[0] if places else np.zeros(0, np.int64)
 
     @cached_property
-    def weights(self) -> list[tuple[str, str]]:
-        """Component, and name in its prior, of each weight."""
-        priors = [(part.name, part.prior) for part in self.components if part.prior]
-        return [(part, name) for part, prior in priors for name in prior.names]
-
-    @cached_property
     def stack(self) -> Stack:
         """The components as a stack."""
         effects = [

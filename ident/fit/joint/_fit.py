@@ -241,10 +241,11 @@ def fit_joint(
 def _parts(fit: AxisFit) -> Iterator[Part]:
     """Yield the fitted effects of an axis."""
     known, post = fit.known, fit.estimate.posterior
-    smoothness: dict[str, dict[str, float]] = {}
-    weights = zip(fit.design.weights, post.weights.tolist(), strict=True)
-    for (part, name), weight in weights:
-        smoothness.setdefault(part, {})[name] = weight
+    priors = zip(fit.design.components, fit.design.stack.priors, strict=True)
+    smoothness = {
+        part.name: dict(zip(prior.names, post.weights[terms].tolist(), strict=True))
+        for part, (prior, _, terms) in priors
+    }
     stated = [part.owner for part in fit.design.stated]
     for effect in fit.design.effects:
         places = fit.design.places_of(effect.name)
