@@ -52,17 +52,12 @@ class Judged:
     """What the loss leaves of some readings; ``nodes`` add up over pieces.
 
     Attributes:
-        share: Weight that each reading keeps, 0 to 1; 0 for those that are wild.
+        wild: Readings without any influence.
         nodes: Readings next to each unknown, the weight they keep, those that are wild.
     """
 
-    share: Float[np.ndarray, " t"]
+    wild: Bool[np.ndarray, " t"]
     nodes: Float[np.ndarray, "3 n"]
-
-    @property
-    def wild(self) -> Bool[np.ndarray, " t"]:
-        """Readings without any influence."""
-        return np.asarray(self.share == 0.0)
 
     @classmethod
     def of(
@@ -72,9 +67,9 @@ class Judged:
         ratio = residual_of(stack, readings, about) / loss.scale
         table, nearest = stack.effects[0], nearest_nodes(stack, readings)
         share = loss.share(ratio)
-        weights = (None, share, share == 0.0)
-        sums = np.stack([np.bincount(nearest, row, table.size) for row in weights])
-        return cls(share, sums)
+        rows = (None, share, share == 0.0)
+        sums = np.stack([np.bincount(nearest, row, table.size) for row in rows])
+        return cls(share == 0.0, sums)
 
 
 def nearest_nodes(stack: Stack, readings: Readings) -> Int[np.ndarray, " t"]:
@@ -149,7 +144,6 @@ def result_of(
         smoothness=dict(zip(table.prior.names, post.weights.tolist(), strict=True)),
         loss=loss,
         residual=np.zeros(0),
-        share=np.zeros(0),
         wild=np.zeros(0, bool),
         runs=_run_effects(post, runs, estimate.scatter[0]),
         suspect_nodes=tuple(suspects),

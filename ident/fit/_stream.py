@@ -45,7 +45,7 @@ class StreamedFit:
     """A table fitted to readings in pieces.
 
     Attributes:
-        fit: The table; its arrays over readings (``residual``, ``share``, ``wild``) are empty.
+        fit: The table; its arrays over readings (``residual``, ``wild``) are empty.
         count: Number of readings.
         wild: How many of them are wild.
         crowded: Nodes at which wild readings stand side by side.

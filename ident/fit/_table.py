@@ -263,7 +263,6 @@ class _InMemory:
         return dataclasses.replace(
             fit.doubted(self.steps.common(residual, judged.wild)),
             residual=residual,
-            share=judged.share,
             wild=judged.wild,
             suspect_runs=suspects,
         )

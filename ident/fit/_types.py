@@ -166,7 +166,6 @@ class TableFit:
         smoothness: Weights of the prior by name (``"order 2, axis 1"`` …), relative to 1/noise².
         loss: ``"student"``, ``"huber"`` or ``"gauss"``.
         residual: Reading − table − run effects per sample in mm or °, shape ``(t,)``.
-        share: Weight that the loss left each reading, 0 to 1.
         wild: Readings that the loss rejected outright.
         runs: Fitted offset and drift per run; empty where there are no runs.
         suspect_nodes: Nodes of the flattened table whose readings contradict their surroundings.
@@ -190,7 +189,6 @@ class TableFit:
     smoothness: Mapping[str, float]
     loss: str
     residual: Float[Array, " t"]
-    share: Float[Array, " t"]
     wild: Bool[Array, " t"]
     runs: tuple[RunEffect, ...]
     suspect_nodes: tuple[int, ...]

@@ -31,7 +31,7 @@ def figures(error: np.ndarray, view: SampleView, iso: bool) -> ErrorFigures:
         assert view.direction is not None
         found = iso230(view.positions[:, 0], error, view.run, view.direction)
         named = {key: getattr(found, key) for key in "ARBEM"}
-    error = error[view.share > 0.05]
+    error = error[~view.wild]
     return ErrorFigures(
         float(np.sqrt(np.mean(error**2))), float(np.abs(error).max()), named
     )
@@ -57,7 +57,6 @@ def _fit(
     rng = np.random.default_rng(5)
     sd = np.where(support > 0, 0.0005 / np.sqrt(np.maximum(support, 1)), 0.004)
     values = truth + sd * rng.normal(size=truth.shape)
-    wild = view.share < 0.05
     table = TableFit(
         layout=layout,
         values=values,
@@ -67,8 +66,7 @@ def _fit(
         smoothness={"order 2, axis 1": 3.0, "order 4, axis 1": 1.0},
         loss="student",
         residual=view.predicted,
-        share=view.share,
-        wild=wild,
+        wild=view.wild,
         runs=runs,
         suspect_nodes=(),
         suspect_runs=(),
@@ -96,7 +94,7 @@ def _fit(
         support=dict(zip(names, np.reshape(support, np.shape(shaped)), strict=True)),
         fit=table,
         readings=len(view.before),
-        wild=int(wild.sum()),
+        wild=int(view.wild.sum()),
         samples=view,
         error={
             "before": figures(view.before, view, iso),
@@ -137,7 +135,6 @@ def _view(
         predicted=left,
         from_file=0.97 * left,
         predicted_sd=np.full(size, NOISE) * (1 + 0.2 * rng.random(size)),
-        share=np.where(wild, 0.0, 1.0),
         wild=wild,
     )
 

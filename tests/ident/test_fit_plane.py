@@ -153,7 +153,6 @@ def test_wild_points_move_no_node(name: str) -> None:
     # What the issue asks for is 1 µm; left-out readings leave nothing but the tolerance of
     # the iterations, a hundredth of a standard deviation of 0.25 µm.
     assert np.abs(fit.values - clean.values).max() <= 1e-5
-    assert (fit.share[case.wild] == 0.0).all()
 
 
 @pytest.mark.slow

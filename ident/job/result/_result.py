@@ -141,14 +141,12 @@ class SampleView(Readings):
         from_file: Error left when the written file, read back, is evaluated by the
             controller's rules.
         predicted_sd: Standard deviation predicted for a held-out reading.
-        share: Weight that the loss left the reading, 0 (wild) to 1.
         wild: Readings that the loss rejected.
     """
 
     predicted: Float[Array, " t"]
     from_file: Float[Array, " t"]
     predicted_sd: Float[Array, " t"]
-    share: Float[Array, " t"]
     wild: Bool[Array, " t"]
 
     @property

@@ -292,7 +292,6 @@ class TableDraft(AbstractDraft):
             predicted=self.left.residual,
             from_file=read.error + table.offset(back, *at) - plan.acted(*at),
             predicted_sd=self.left.standard_deviation,
-            share=fit.share,
             wild=fit.wild,
         )
         places: tuple[str, ...] = ()

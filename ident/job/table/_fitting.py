@@ -248,7 +248,6 @@ def _fit_of_share(plan: Plan, share: "Share") -> TableFit:
         smoothness=dict(part.smoothness),
         loss=plan.fit.loss,
         residual=np.asarray(share.fit.residual[plan.axis][share.rows]),
-        share=np.asarray(share.fit.share[plan.axis][share.rows], dtype=float),
         wild=share.wild,
         runs=tuple(share.fit.runs.get(plan.axis, ())),
         suspect_nodes=(),

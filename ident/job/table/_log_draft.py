@@ -133,11 +133,9 @@ def fit_log(readings: LogReadings) -> TableDraft:
     )
     log = FittedLog(readings, streamed, grouping, plan.zeroed(streamed.fit)[0])
     samples, row = log.shown()
-    at, judged = (samples.positions, samples.branch), streamed.judged(samples)
+    at, wild = (samples.positions, samples.branch), streamed.judged(samples).wild
     residual = samples.error - predict(streamed.fit, *at)[0]
-    fit = dataclasses.replace(
-        streamed.fit, residual=residual, share=judged.share, wild=judged.wild
-    )
+    fit = dataclasses.replace(streamed.fit, residual=residual, wild=wild)
     fit, alike = as_passes_differ(plan, row.astype(float), samples, fit, log.every)
     zero, estimate = plan.zeroed(fit)
     streamed = dataclasses.replace(streamed, fit=fit)
