@@ -33,7 +33,7 @@ from ._ipopt import least_squares_ipopt, one_vector
 from ._readings import Friction, Roles, arrays_of, recording_of, without_zero_of
 from ._write_job import Stated, verdicts_of, write_job
 from .core import FitError
-from .fit import Constraint, doubt_of_means, most_probable
+from .fit import Constraint, most_probable, scatter_of_runs
 from .fit.joint import (
     AbstractEffect,
     Confusion,
@@ -337,7 +337,8 @@ def fit(
             remove == "none"
         ):  # The mean of the runs is the machine's, which few do not tell.
             doubts |= {
-                axis: doubt_of_means(runs)[0] for axis, runs in joint.runs.items()
+                axis: scatter_of_runs(runs)[0] / max(len(runs), 1) ** 0.5
+                for axis, runs in joint.runs.items()
             }
         constant |= {
             axis: (value, float(np.hypot(deviation, doubts.get(axis, 0.0))))

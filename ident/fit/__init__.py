@@ -27,7 +27,7 @@ from ._predict import (
     spatial_blocks as spatial_blocks,
     zeroed as zeroed,
 )
-from ._runs import doubt_of_means as doubt_of_means, scatter_of_runs as scatter_of_runs
+from ._runs import scatter_of_runs as scatter_of_runs
 from ._stream import (
     Apply as Apply,
     Grouping as Grouping,

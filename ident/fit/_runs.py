@@ -104,13 +104,6 @@ def far_runs(runs: Sequence[RunEffect]) -> tuple[int, ...]:
     return tuple(run.run for run, is_far in zip(runs, far, strict=True) if is_far)
 
 
-def doubt_of_means(runs: Sequence[RunEffect]) -> tuple[float, float]:
-    """Return the standard deviations of the means of offsets and of drifts of some runs."""
-    offset, drift = scatter_of_runs(runs)
-    root = max(len(runs), 1) ** 0.5
-    return offset / root, drift / root
-
-
 def scatter_of_runs(runs: Sequence[RunEffect]) -> tuple[float, float]:
     """Return the standard deviations of offsets and of drifts of some runs.
 
@@ -123,9 +116,8 @@ def scatter_of_runs(runs: Sequence[RunEffect]) -> tuple[float, float]:
     values = np.array([[run.offset, run.drift] for run in runs])
     deviations = np.array([[run.offset_sd, run.drift_sd] for run in runs])
     noise = np.square(deviations).sum(axis=0) / (count - 1)
-    values[:, 0] -= values[
-        :, 0
-    ].mean()  # those of drifts are what the table did not keep
+    # The mean of drifts is what the table did not keep.
+    values[:, 0] -= values[:, 0].mean()
     between = np.maximum(np.square(values).sum(axis=0) / (count - 1) - noise, 0.0)
     factor = 0.5 * float(stdtrit(count - 1, TWO_SIGMA))
     offset, drift = (factor * np.sqrt(between)).tolist()
