@@ -16,12 +16,12 @@ from functools import cached_property
 from typing import TYPE_CHECKING, final
 
 import numpy as np
+import scipy.linalg
 from jaxtyping import Float, Int
 
 from ....data.signals import last_direction
 from ...core import DriftNoise, Spread, find_drift, scatter_of_sums
 from ...core._regression import SINGULAR
-from .._identifiable import pivoted
 from .._runs import scatter_of_runs
 from ._effect import Rank
 
@@ -170,7 +170,7 @@ class Memory:
         moves, runs = self._moves_under_rules, self._runs
         if not runs.shape[1]:
             return moves
-        basis = _basis(runs)
+        basis = scipy.linalg.orth(runs, rcond=SINGULAR)
         levels = basis @ (basis.T @ moves)
         effects = self.fit.runs()
         # Those of runs by themselves; in a drift all err alike.
@@ -220,14 +220,9 @@ def drift_beside(
     pseudo: Float[np.ndarray, " s"],
 ) -> DriftNoise | None:
     """Return how residuals scatter beside columns that were fitted; None where none drifts."""
-    noise = find_drift(clock, _basis(columns), pseudo)
+    basis = scipy.linalg.orth(columns, rcond=SINGULAR)
+    noise = find_drift(clock, basis, pseudo)
     return noise if noise.drift > 0.0 else None
-
-
-def _basis(columns: Float[np.ndarray, "s k"]) -> Float[np.ndarray, "s b"]:
-    """Return orthonormal columns that span the same."""
-    basis, size, _ = pivoted(columns)
-    return basis[:, size > SINGULAR * size.max(initial=0.0)]
 
 
 def without_turns(
