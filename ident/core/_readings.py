@@ -2,7 +2,6 @@
 
 import dataclasses
 from collections.abc import Mapping
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -29,7 +28,7 @@ class FitError(AxcompError, ValueError):
     """The readings cannot determine what was asked for; the message says what is missing."""
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Readings:
     """Measured values with the inputs that they were taken at, all of shape ``(t,)``.
 
@@ -41,11 +40,6 @@ class Readings:
 
     value: Float[np.ndarray, " t"]
     inputs: Mapping[str, np.ndarray]
-
-    @cached_property
-    def designs(self) -> dict[Any, tuple[np.ndarray, np.ndarray]]:
-        """Rows that an effect keeps, since others ask for the same."""
-        return {}
 
     def __len__(self) -> int:
         return len(self.value)

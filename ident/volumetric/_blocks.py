@@ -126,17 +126,16 @@ class Touched:
 
     model: Any
 
+    @functools.lru_cache(maxsize=2)  # noqa: B019 (all blocks ask for the same readings)
     def rows(self, readings: Readings) -> Design:
         """Return the numbers of the model that readings touch, and their shares."""
-        if self not in readings.designs:
-            names = ("position", "along", "tool")
-            given = {name: filled(readings.inputs[name], 64) for name in names}
-            found = _stencil(self.model, given)
-            nodes, shares = (np.array(each)[: len(readings)] for each in found)
-            if isinstance(self.model, GeometricErrors):
-                shares[:, _TURNED] = _levers(shares[:, _TURNED], readings)
-            readings.designs[self] = nodes, shares
-        return readings.designs[self]
+        names = ("position", "along", "tool")
+        given = {name: filled(readings.inputs[name], 64) for name in names}
+        found = _stencil(self.model, given)
+        nodes, shares = (np.array(each)[: len(readings)] for each in found)
+        if isinstance(self.model, GeometricErrors):
+            shares[:, _TURNED] = _levers(shares[:, _TURNED], readings)
+        return nodes, shares
 
     def part(self, first: int, columns: slice, readings: Readings) -> Design:
         """Return some columns, their numbers counted from a first one."""
