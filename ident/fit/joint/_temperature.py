@@ -15,7 +15,6 @@ from ...core import FitError, node_shares
 from ._effect import (
     TABLES,
     AbstractEffect,
-    Block,
     Component,
     Inputs,
     Number,
@@ -238,10 +237,6 @@ class Temperature(AbstractEffect):
             for law, nodes in self.nodes.items()
             for node in nodes
         )
-
-    def block(self, data: JointData) -> Block:
-        """See `AbstractEffect`; a lag to be fitted counts as none."""
-        return super(Temperature, self.placed(data)).block(data)
 
     def columns_of(self, data: JointData) -> list[Float[np.ndarray, " t"]]:
         """See `AbstractEffect`; temperatures are those of the structure."""
