@@ -254,12 +254,12 @@ class GroupEffect(AbstractEffect):
         counted: Groups that count in the mean.
         trend: Name of the input with the centred place within it; None: offsets only.
         kept: Offsets, then trends, of each group that what stands beside them does as well, and
-            keeps; orthonormal columns. None: offsets that are alike, and trends that are.
+            keeps; orthonormal columns.
     """
 
     counted: Bool[np.ndarray, " g"]
-    trend: str | None = None
-    kept: Float[np.ndarray, "pg k"] | None = None
+    trend: str | None
+    kept: Float[np.ndarray, "pg k"]
 
     ridge = 1e-9
 
@@ -267,9 +267,7 @@ class GroupEffect(AbstractEffect):
     def by_group(self) -> Float[np.ndarray, "pg c"]:
         """Offsets, then trends, of each group, by unknowns: orthonormal columns."""
         counts = self.counted if self.counted.any() else np.ones_like(self.counted)
-        alike = np.kron(np.eye(self.parts), np.ones((len(counts), 1)))
-        kept = alike if self.kept is None else self.kept
-        shown = kept * np.tile(counts, self.parts)[:, None]
+        shown = self.kept * np.tile(counts, self.parts)[:, None]
         return np.asarray(scipy.linalg.null_space(shown.T))
 
     @property

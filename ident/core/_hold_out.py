@@ -29,8 +29,8 @@ def simplest(
     scale: float,
     blocks: Int[np.ndarray, " t"],
     matters: float = 0.0,
-) -> tuple[int, Float[np.ndarray, " c"]]:
-    """Return which choice is the simplest that predicts no worse than the best.
+) -> int:
+    """Return the number of the simplest choice that predicts no worse than the best.
 
     Worse is more than one standard error over the blocks; a real gain may sit in a single one
     (a transient), so that more cannot be asked.
@@ -41,9 +41,6 @@ def simplest(
         scale: Of the residuals.
         blocks: Of readings that share their drift, one number each.
         matters: Share of the sum of squares below which a choice is not worse.
-
-    Returns:
-        Its number, and the root mean square that each choice leaves.
     """
     losses = np.minimum((np.asarray(residuals) / scale) ** 2, _LIMIT**2)
     mean = losses.mean(axis=1)
@@ -54,8 +51,7 @@ def simplest(
         deviation = np.std(sums, ddof=1) * np.sqrt(len(sums)) if len(sums) > 1 else 0.0
         if not sums.sum() > max(float(deviation), matters * float(best.sum())):
             good.append(number)
-    chosen = min(good, key=lambda choice: (sizes[choice], float(mean[choice])))
-    return chosen, scale * np.sqrt(mean)
+    return min(good, key=lambda choice: (sizes[choice], float(mean[choice])))
 
 
 def sums_by_group(

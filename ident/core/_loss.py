@@ -12,7 +12,7 @@ import dataclasses
 from typing import final
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 from scipy.special import gammaln
 
 from ...data.signals import NORMAL
@@ -75,12 +75,8 @@ class Loss:
         return np.where(size <= self.limit, share, 0.0), slope
 
     def share(self, ratio: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
-        """Return ψ(x)/x in 0…1 for residuals in scales."""
+        """Return ψ(x)/x in 0…1 for residuals in scales; 0 for those that are rejected outright."""
         return self.influence(ratio)[0]
-
-    def wild(self, ratio: Float[np.ndarray, " t"]) -> Bool[np.ndarray, " t"]:
-        """Return which residuals in scales are rejected outright."""
-        return np.asarray(~(np.abs(ratio) <= self.limit))
 
 
 def choose_loss(

@@ -272,13 +272,12 @@ def regress(
     start = _least_magnitudes(reduced, target, loss)
     fit = estimate_columns(reduced, target, loss, floor, start)
     residual = target - reduced @ fit.centre
-    ratio = residual / fit.loss.scale
-    wild = fit.loss.wild(ratio)
+    wild = fit.loss.share(residual / fit.loss.scale) == 0.0
     rows = ~wild
     if wild.any() and int(rows.sum()) <= size:
         msg = "the readings that agree with each other are too few to fit."
         raise FitError(msg)
-    pseudo = (fit.loss.share(ratio) * residual / fit.posterior.problem.gain)[rows]
+    pseudo = fit.pseudo(residual)[rows]
     clock = np.arange(count, dtype=float) if time is None else np.asarray(time)
     clock, active = clock[rows], design[rows]
     span, kernel = rooted(active.T @ active)

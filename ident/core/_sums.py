@@ -226,8 +226,8 @@ def _by_matrix(
 ) -> tuple[Sums, Float[np.ndarray, " t"]]:
     residual = readings.value - design @ theta
     ratio = residual / loss.scale
-    active, good = ~loss.wild(ratio), np.abs(ratio) <= loss.wild_from
     share, slope = loss.influence(ratio)
+    active, good = share > 0.0, np.abs(ratio) <= loss.wild_from
     psi = share * residual
     tally = [
         np.count_nonzero(active),

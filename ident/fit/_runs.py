@@ -9,7 +9,7 @@ import scipy.sparse.linalg
 from jaxtyping import Float
 from scipy.special import stdtr, stdtrit
 
-from ..core import Readings, TableEffect
+from ..core import Readings, Stack, TableEffect
 from ._types import RunEffect
 
 _RIDGE, _EXACT, _HARDLY = 1e-9, 1e-6, 0.05
@@ -44,10 +44,7 @@ def kept_by_table(
         return offsets
     place = sp.csr_array(each * readings.inputs["order"][:, None])
     columns = sp.csr_array(sp.hstack([each, place]))
-    index, weights = table.design(readings)
-    rows = np.repeat(np.arange(count), index.shape[1])
-    shape = count, table.size
-    nodes = sp.csr_array((weights.ravel(), (rows, index.ravel())), shape=shape)
+    nodes = Stack((table,)).matrix(readings)
     normal = sp.csc_array(nodes.T @ nodes + _RIDGE * sp.eye_array(table.size))
     own, shared = (columns.T @ columns).toarray(), (nodes.T @ columns).toarray()
     left = own - shared.T @ scipy.sparse.linalg.splu(normal).solve(shared)

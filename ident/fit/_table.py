@@ -230,9 +230,7 @@ class _InMemory:
         start = np.full(stack.size, level_of(error))
         if isinstance(effect, GroupEffect):
             offset = self.medians(error) - start[0]
-            runs = start[stack.here(-1)]
-            runs[:] = 0.0
-            runs[:] = effect.by_group[: len(offset)].T @ offset
+            start[stack.here(-1)] = effect.by_group[: len(offset)].T @ offset
         over, weights = memory(stack, readings), fixed_weights(self.smoothness)
         # A reading that is off by a step of the instrument is none that is wild.
         floor = max(least_scale(error), self.steps.size)

@@ -78,7 +78,7 @@ class AxisFit:
     def active(self) -> Bool[np.ndarray, " r"]:
         """Readings that are believed at all."""
         loss = self.estimate.loss
-        return np.asarray(~loss.wild(self._about / loss.scale))
+        return loss.share(self._about / loss.scale) > 0.0
 
     @property
     def counted(self) -> Bool[np.ndarray, " r"]:

@@ -144,8 +144,7 @@ def choose_tests(
     sounds = (design[sound] for _, design in pairs)
     tried = [held_out(events, group, part, cell, no_wild) * root for part in sounds]
     scale = min(max(1.4826 * float(np.median(np.abs(loss))), 1e-9) for loss in tried)
-    chosen, _ = simplest(tried, sizes, scale, cell)
-    (axes, grid), _ = pairs[chosen]
+    (axes, grid), _ = pairs[simplest(tried, sizes, scale, cell)]
     return axes, np.array([*itertools.product(*grid)])
 
 

@@ -143,7 +143,7 @@ class _HeldOut:
             msg = "too few readings to tell which law they follow: give the law."
             raise FitError(msg)
         nodes = [sizes[number] for number in residuals]
-        best, _ = simplest([*residuals.values()], nodes, self.scale, blocks, _MATTERS)
+        best = simplest([*residuals.values()], nodes, self.scale, blocks, _MATTERS)
         return [*residuals][best]
 
     def _left_out(

@@ -58,7 +58,8 @@ def readings(count: int = 400, seed: int = 0) -> Readings:
 
 
 def stack_of(name: str) -> Stack:
-    return Stack((TABLES[name], GroupEffect(np.ones(4, bool), "late")))
+    alike = np.kron(np.eye(2), np.full((4, 1), 0.5))
+    return Stack((TABLES[name], GroupEffect(np.ones(4, bool), "late", alike)))
 
 
 def dense(stack: Stack, given: Readings) -> np.ndarray:
