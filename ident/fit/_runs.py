@@ -36,15 +36,16 @@ def kept_by_table(
         readings: With the number of the run of each, and its place within it for drifts.
         drift: Whether the runs have one.
     """
-    run, count = readings.inputs["run"], len(readings.value)
-    each = sp.csr_array((np.ones(count), (np.arange(count), run)))
-    shared, alike = each.T @ _straight(table, readings), (each.T @ each).toarray()
+    run, nodes = readings.inputs["run"], Stack((table,)).matrix(readings)
+    each = sp.csr_array((np.ones(len(run)), (np.arange(len(run)), run)))
+    # What smoothness does not see of the table.
+    straight = scipy.linalg.orth(nodes @ table.prior.straight)
+    shared, alike = each.T @ straight, (each.T @ each).toarray()
     offsets = _null(alike, alike - shared @ shared.T, _EXACT)
     if not drift:
         return offsets
     place = sp.csr_array(each * readings.inputs["order"][:, None])
     columns = sp.csr_array(sp.hstack([each, place]))
-    nodes = Stack((table,)).matrix(readings)
     normal = sp.csc_array(nodes.T @ nodes + _RIDGE * sp.eye_array(table.size))
     own, shared = (columns.T @ columns).toarray(), (nodes.T @ columns).toarray()
     left = own - shared.T @ scipy.sparse.linalg.splu(normal).solve(shared)
@@ -55,20 +56,6 @@ def kept_by_table(
     beyond = left[last, last] - left[last, first] @ inverse @ left[first, last]
     drifts = _null(own[last, last], beyond, _HARDLY)
     return np.asarray(scipy.linalg.block_diag(offsets, drifts))
-
-
-def _straight(table: TableEffect, readings: Readings) -> Float[np.ndarray, "t s"]:
-    """Return what smoothness does not see of each direction, at every reading, orthonormal.
-
-    A constant, and slopes but for a ring.
-    """
-    count = len(readings.value)
-    places = () if table.periodic else (readings.inputs[name] for name in table.inputs)
-    slopes = (place / max(np.abs(place).max(), 1e-300) for place in places)
-    plain = np.column_stack([np.ones(count), *slopes])
-    way = readings.inputs["direction"] if table.branches == 2 else np.ones(count)
-    each_way = np.hstack([plain * (way == k)[:, None] for k in np.unique(way)])
-    return np.linalg.qr(each_way)[0]
 
 
 def _null(
