@@ -16,7 +16,6 @@ from jaxtyping import Float, Int
 from scipy.special import gammaln
 
 from ...data.signals import NORMAL
-from ._readings import FitError
 
 LOSSES = "student", "huber", "trim", "gauss"
 WILD = 7.0
@@ -97,13 +96,7 @@ def choose_loss(
         count: How many readings have each size.
         freedoms: Degrees of freedom of Student's t to choose from; of several the heaviest
             tails, unless there are plenty of readings.
-
-    Raises:
-        FitError: If the name is unknown.
     """
-    if name not in LOSSES:
-        msg = f"loss: found {name!r}, expected 'student', 'huber', 'trim' or 'gauss'."
-        raise FitError(msg)
     total = int(count.sum())
     median = float(size[np.searchsorted(np.cumsum(count), 0.5 * total)])
     robust = max(NORMAL * median * inflation, floor)

@@ -208,7 +208,8 @@ class Passes:
             FitError: If the readings do not determine the unknowns or the loss is unknown.
         """
         if self.loss not in LOSSES:
-            choose_loss(self.loss, np.ones(1), 1.0, 1.0, np.ones(1, np.int64))
+            msg = f"loss: found {self.loss!r}, expected 'student', 'huber', 'trim' or 'gauss'."
+            raise FitError(msg)
         if near is not None and near.loss != Loss():
             matrix = self.over(near.values, near.loss, None)
             problem = Problem.of(matrix, near.values, pins=self.pins)
