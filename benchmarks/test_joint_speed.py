@@ -160,7 +160,7 @@ def _system(own: Case, fit: JointFit) -> tuple[sp.csr_array, np.ndarray]:
     blocks, sides = [], []
     for axis in LENGTH:
         parts = [part for part in fit.parts if part.effect.axis == axis]
-        columns: list[Any] = [part.effect.block(own.data).columns for part in parts]
+        columns: list[Any] = [part.effect.block(own.data)[0] for part in parts]
         columns.append(sp.csr_array(np.ones((len(own.data), 1))))
         priors = [_prior_rows(part) for part in parts]
         prior: Any = sp.block_diag([*priors, sp.csr_array((0, 1))])
@@ -267,7 +267,7 @@ def _summed(own: Case, values: np.ndarray) -> dict[str, np.ndarray]:
             if effect.axis != axis:
                 continue
             placed = effect.placed(own.data)
-            columns = placed.block(own.data).columns
+            columns = placed.block(own.data)[0]
             total += columns @ values[first : first + placed.size]
             first += placed.size
         result[axis] = total + values[first]

@@ -260,12 +260,12 @@ def design_of(
         keep = keep & np.isfinite(data.column("error", axis, "the fit"))
     if drift:
         keep = keep & np.isfinite(data.clock_for("a drift"))
-    rows = np.flatnonzero(np.all([keep, *(block.known for block in blocks)], axis=0))
+    rows = np.flatnonzero(np.all([keep, *(known for _, known in blocks)], axis=0))
     if not len(rows):
         names = ", ".join(effect.name for effect in effects)
         msg = f"axis {axis}: no reading has all that {names} need."
         raise FitError(msg)
-    columns = [block.columns[rows] for block in blocks]
+    columns = [block[rows] for block, _ in blocks]
     components: list[Component] = []
     count = 0
     for effect in ordered:

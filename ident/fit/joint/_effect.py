@@ -24,19 +24,6 @@ Rows = tuple[Int[np.ndarray, "t k"], Float[np.ndarray, "t k"]]
 """Values that each reading touches, and their shares."""
 
 
-@dataclasses.dataclass(frozen=True)
-class Block:
-    """An effect over some rows: ``error = columns @ values``.
-
-    Attributes:
-        columns: Shape ``(t, p)``; zero in rows that lack an input.
-        known: Rows that have all inputs.
-    """
-
-    columns: sp.csr_array
-    known: Bool[np.ndarray, " t"]
-
-
 class Rank(enum.IntEnum):
     """How simple a component is: the larger, the later it gives way to others."""
 
@@ -220,8 +207,10 @@ class AbstractEffect(abc.ABC):
         del data
         return self
 
-    def block(self, data: JointData) -> Block:
-        """Return the effect over the rows of these data.
+    def block(self, data: JointData) -> tuple[sp.csr_array, Bool[np.ndarray, " t"]]:
+        """Return the columns of its values over the rows of these data, and the rows it knows.
+
+        ``error = columns @ values``; shape ``(t, p)``, zero in rows that lack an input.
 
         Raises:
             FitError: If an input was not recorded.
@@ -235,14 +224,14 @@ class AbstractEffect(abc.ABC):
         matrix = sp.csr_array((*parts, pointers), shape=(len(finite), self.size))
         matrix.sum_duplicates()
         matrix.eliminate_zeros()
-        return Block(matrix, finite)
+        return matrix, finite
 
     def curve(
         self, values: Float[np.ndarray, " p"], data: JointData
     ) -> Float[np.ndarray, " t"]:
         """Return what it adds to each row in mm or °; NaN where an input is missing."""
-        block = self.block(data)
-        return np.where(block.known, block.columns @ values, np.nan)
+        columns, known = self.block(data)
+        return np.where(known, columns @ values, np.nan)
 
     def columns_of(self, data: JointData) -> list[Float[np.ndarray, " t"]]:
         """Return its inputs over the rows of these data, NaN where one is not known."""

@@ -164,7 +164,7 @@ def lagging(design: Design, lags: Mapping[str, float]) -> Design:
     blocks = [effect.block(design.data) for effect in effects if effect.sensor_names]
     places, order = _heated_places(design), np.arange(design.size)
     order[places] = design.size + np.arange(len(places))
-    heated = [block.columns[design.rows] for block in blocks]
+    heated = [block[design.rows] for block, _ in blocks]
     both: Any = sp.hstack([design.columns, *heated], format="csc")
     columns = sp.csr_array(both[:, order])
     return dataclasses.replace(design, effects=effects, columns=columns)

@@ -104,7 +104,7 @@ def in_the_workspace(
         total = np.zeros(len(data))
         for part in parts:
             if part.effect.axis == axis and part.effect.compensation != "delay":
-                total += at_once(part.effect).block(data).columns @ part.values
+                total += at_once(part.effect).block(data)[0] @ part.values
         wrong = total - machine.machine.true_error(axis, state)
         found[axis] = wrong - np.median(wrong)
     return found

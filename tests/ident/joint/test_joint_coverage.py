@@ -66,7 +66,7 @@ def _readings(
         temperature={"T": rng.uniform(18.0, 25.0, count)},
     )
     total = sum(
-        effect.block(data).columns @ values
+        effect.block(data)[0] @ values
         for effect, values in zip(effects, truth, strict=True)
     )
     return dataclasses.replace(data, error={"X": total + rng.normal(0.0, NOISE, count)})

@@ -39,7 +39,7 @@ def _rows(effect: Any, weights: Any) -> np.ndarray:
 
 def _dense(data: JointData, effects: Any, smoothness: Any) -> np.ndarray:
     """Return the fitted sum per reading by one dense least squares problem."""
-    blocks = [effect.block(data).columns.toarray() for effect in effects]
+    blocks = [effect.block(data)[0].toarray() for effect in effects]
     columns = np.asarray(np.hstack([*blocks, np.ones((len(data), 1))]))
     priors = [_rows(effect, smoothness[effect.name]) for effect in effects]
     prior = np.asarray(scipy.linalg.block_diag(*priors, np.zeros((0, 1))))
@@ -107,7 +107,7 @@ def test_deviations_are_those_of_dense_algebra(mixed: Any) -> None:
     data = dataclasses.replace(case.data, error=white)
     fit = fit_joint(data, stack, loss="gauss", smoothness=SMOOTHNESS)
     effects = [part.effect for part in fit.parts]
-    blocks = [effect.block(case.data).columns.toarray() for effect in effects]
+    blocks = [effect.block(case.data)[0].toarray() for effect in effects]
     columns = np.hstack([*blocks, np.ones((800, 1))])
     rows = [_rows(part.effect, part.smoothness) for part in fit.parts]
     prior = np.asarray(scipy.linalg.block_diag(*rows, np.zeros((0, 1))))

@@ -89,11 +89,11 @@ def test_a_freedom_is_said_and_changes_no_sum(mixed: Any, name: str) -> None:
     other = [each + rng.normal(0.0, 0.01, len(each)) for each in values]
     moved, datum = in_gauge(fit, other)
     before = sum(
-        part.effect.block(case.data).columns @ each
+        part.effect.block(case.data)[0] @ each
         for part, each in zip(fit.parts, other, strict=True)
     )
     after = datum["X"] + sum(
-        part.effect.block(case.data).columns @ each
+        part.effect.block(case.data)[0] @ each
         for part, each in zip(fit.parts, moved, strict=True)
     )
     # Values of 0.01 mm: rounding only.
@@ -174,5 +174,5 @@ def test_a_joint_covariance_keeps_the_rule(mixed: Any, effects: Any) -> None:
         assert np.sqrt(np.diag(spread)) == pytest.approx(part.standard_deviation)
         # Whatever is read, the table has mean zero over the readings: sums of some 1e-7 mm²
         # cancel to rounding.
-        mean = part.effect.block(case.data).columns.mean(axis=0)
+        mean = part.effect.block(case.data)[0].mean(axis=0)
         assert abs(mean @ spread @ mean) < 1e-10 * np.trace(spread)
