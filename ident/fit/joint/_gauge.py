@@ -31,7 +31,7 @@ _NOTHING = 1e-7
 _APART = float(np.sqrt(SINGULAR))
 """Size of what a direction that rows leave open has beside those of any data: less is what
 rounding makes of weak information."""
-_ANYWHERE = np.nan, np.nan
+_ANY_SIZE = -1.0, 1.0
 """Range of an input that makes a difference at any size."""
 _DEGREE = 4
 """Of the smooth surfaces along each master."""
@@ -185,16 +185,12 @@ def ideal_shapes(design: Design) -> Shapes:
         for part in design.stated
     ]
     count = _ROWS_PER_VALUE * sum(sizes) + _MORE_ROWS
-    ends: dict[tuple[str, str], tuple[float, float]] = {}
-    for effect in design.effects:
-        for key in effect.inputs:
-            low, high = effect.ranges.get(key, _ANYWHERE)
-            least, most = ends.get(key, _ANYWHERE)
-            ends[key] = float(np.fmin(low, least)), float(np.fmax(high, most))
     channels: dict[str, dict[str, np.ndarray]] = {}
-    for (channel, name), (low, high) in ends.items():
-        if np.isnan(low):
-            low, high = -1.0, 1.0
+    for key in dict.fromkeys(key for each in design.effects for key in each.inputs):
+        channel, name = key
+        ranges = [each.ranges[key] for each in design.effects if key in each.ranges]
+        lows, highs = zip(*(ranges or [_ANY_SIZE]), strict=True)
+        low, high = min(lows), max(highs)
         if channel == "position" and name in data.position:
             place = data.position[name][design.rows]
             place = place[np.isfinite(place)]
