@@ -23,15 +23,12 @@ from ...core import (
     ColumnsEffect,
     FitError,
     Independent,
-    Loss,
     NoPrior,
-    Readings,
     Smooth,
     Stack,
     chain,
     node_shares,
     rooted,
-    sums_of,
 )
 from .._identifiable import pins_of
 from .._steps import Steps
@@ -182,9 +179,7 @@ class Design:
     @cached_property
     def information(self) -> sp.csr_array:
         """Information of all rows on the unknowns, Σ x xᵀ, whatever was measured in them."""
-        readings, zero = Readings(np.zeros(len(self.rows)), {}), np.zeros(self.size)
-        sums, _ = sums_of(self.stack, readings, zero, Loss(), design=self.columns)
-        return sums.matrix
+        return sp.csr_array(self.columns.T @ self.columns)
 
     def over(self, shapes: Float[np.ndarray, "n m"]) -> Float[np.ndarray, "m m"]:
         """Return the information on mixtures of the unknowns."""
