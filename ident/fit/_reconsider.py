@@ -25,7 +25,7 @@ _FEW, _SHARE = 3, 0.2
 
 
 def crowded(nodes: Float[np.ndarray, "3 n"]) -> Bool[np.ndarray, " n"]:
-    """Return the nodes (`Judged.nodes`) with more wild readings than chance puts there."""
+    """Return the nodes (of `wild_readings`) with more wild readings than chance puts there."""
     count, _, wild = nodes
     several = (wild >= _FEW) & (wild > _SHARE * count)
     return np.asarray(_mostly(count, wild) | several)

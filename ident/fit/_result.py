@@ -47,29 +47,19 @@ ALIKE = (
 )
 
 
-@dataclasses.dataclass(frozen=True)
-class Judged:
-    """What the loss leaves of some readings; ``nodes`` add up over pieces.
+def wild_readings(
+    stack: Stack, readings: Readings, about: Vector, loss: Loss
+) -> tuple[Bool[np.ndarray, " t"], Float[np.ndarray, "3 n"]]:
+    """Return which readings a loss rejects by their residuals about an estimate, and where.
 
-    Attributes:
-        wild: Readings without any influence.
-        nodes: Readings next to each unknown, the weight they keep, those that are wild.
+    That is: readings next to each unknown of the table, the weight they keep, those that are
+    wild; these add up over pieces.
     """
-
-    wild: Bool[np.ndarray, " t"]
-    nodes: Float[np.ndarray, "3 n"]
-
-    @classmethod
-    def of(
-        cls, stack: Stack, readings: Readings, about: Vector, loss: Loss
-    ) -> "Judged":
-        """Judge readings by their residuals about an estimate."""
-        ratio = residual_of(stack, readings, about) / loss.scale
-        table, nearest = stack.effects[0], nearest_nodes(stack, readings)
-        share = loss.share(ratio)
-        rows = (None, share, share == 0.0)
-        sums = np.stack([np.bincount(nearest, row, table.size) for row in rows])
-        return cls(share == 0.0, sums)
+    share = loss.share(residual_of(stack, readings, about) / loss.scale)
+    table, nearest = stack.effects[0], nearest_nodes(stack, readings)
+    rows = (None, share, share == 0.0)
+    nodes = np.stack([np.bincount(nearest, row, table.size) for row in rows])
+    return share == 0.0, nodes
 
 
 def nearest_nodes(stack: Stack, readings: Readings) -> Int[np.ndarray, " t"]:
@@ -104,7 +94,7 @@ def result_of(
         count: Number of readings.
         spread: Range of the readings in mm or °; infinite: any uncertainty is accepted.
         runs: Runs that have effects of their own.
-        nodes: As `Judged.nodes`; None: no node is suspect.
+        nodes: Of `wild_readings`; None: no node is suspect.
 
     Raises:
         FitError: If the readings do not determine the table.

@@ -13,7 +13,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from ..core import (
     FitError,
@@ -27,7 +27,7 @@ from ..core import (
     sums_of,
 )
 from ._reconsider import crowded
-from ._result import Judged, folds_of, none_left_out, result_of
+from ._result import folds_of, none_left_out, result_of, wild_readings
 from ._table import TOO_MANY, fixed_weights, level_of
 from ._types import Extent, Samples, Smoothness, TableFit
 
@@ -64,11 +64,12 @@ class StreamedFit:
         with one_blas_thread():
             return folds_of(self.fit, self.groups, {}) if self.groups else {}
 
-    def judged(self, samples: Samples) -> Judged:
-        """Return what the loss leaves of some readings."""
+    def wild_of(self, samples: Samples) -> Bool[np.ndarray, " t"]:
+        """Return which of some readings the loss rejects."""
         estimate, stack = self.fit.estimate, Stack((self.fit.layout,))
         assert estimate is not None
-        return Judged.of(stack, samples.readings, estimate.about, estimate.loss)
+        about = estimate.about, estimate.loss
+        return wild_readings(stack, samples.readings, *about)[0]
 
 
 def fit_streamed(
@@ -153,7 +154,7 @@ class _Summed:
     Attributes:
         groups: Sums by group; all in group 0 without a grouping.
         extent: How many readings there are and where.
-        nodes: As `Judged.nodes`, if asked for.
+        nodes: Of `wild_readings`, if asked for.
     """
 
     groups: Mapping[int, Sums]
@@ -201,6 +202,6 @@ def _summed(
             about = stack, group.readings, theta, loss
             groups[label], _ = sums_of(*about, former)
             if nodes:
-                seen = seen + Judged.of(*about).nodes
+                seen = seen + wild_readings(*about)[1]
         total = total + _Summed(groups, Extent.of(layout, samples), seen)
     return total

@@ -29,13 +29,13 @@ from ._once import judge_once
 from ._reconsider import at_medians, crowded, lost, reconsidered
 from ._result import (
     ALIKE,
-    Judged,
     doubt_of_curves,
     nearest_nodes,
     none_left_out,
     residual_of,
     result_of,
     runs_apart,
+    wild_readings,
 )
 from ._runs import far_runs, kept_by_table
 from ._steps import Steps
@@ -239,10 +239,10 @@ class _InMemory:
         if loss == "huber" and not fitted.converged:
             # Readings of a node that contradict all others pull evenly from any distance.
             fitted = passes.run(near=at_medians(stack, readings, fitted))
-        judged = Judged.of(stack, readings, fitted.about, fitted.loss)
-        if loss == "student" and crowded(judged.nodes).any():
+        wild, nodes = wild_readings(stack, readings, fitted.about, fitted.loss)
+        if loss == "student" and crowded(nodes).any():
             fitted = reconsidered(passes, readings, fitted)
-            judged = Judged.of(stack, readings, fitted.about, fitted.loss)
+            wild, nodes = wild_readings(stack, readings, fitted.about, fitted.loss)
         fit = result_of(
             self.layout,
             fitted,
@@ -250,7 +250,7 @@ class _InMemory:
             count=len(error),
             spread=np.inf if self.allow_gaps else float(np.ptp(error)),
             runs=self.labels.tolist(),
-            nodes=judged.nodes,
+            nodes=nodes,
         )
         residual = residual_of(stack, readings, fitted.values)
         suspects: tuple[int, ...] = ()
@@ -259,9 +259,9 @@ class _InMemory:
             loud = self.labels[scatter > _LOUD * np.median(scatter)].tolist()
             suspects = tuple(sorted({*loud, *far_runs(fit.runs)}))
         return dataclasses.replace(
-            fit.doubted(self.steps.common(residual, judged.wild)),
+            fit.doubted(self.steps.common(residual, wild)),
             residual=residual,
-            wild=judged.wild,
+            wild=wild,
             suspect_runs=suspects,
         )
 

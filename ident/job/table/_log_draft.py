@@ -72,7 +72,7 @@ class FittedLog:
                 row = groups == label
                 part = samples.take(row)
                 held_out[row] += table.offset(folds[label], part.positions, part.branch)
-            wild = self.streamed.judged(samples).wild
+            wild = self.streamed.wild_of(samples)
             for name, error in zip(STAGES, (before, held_out, residual), strict=True):
                 errors = ErrorTally.of(error, wild=wild)
                 tally[name] = tally[name] + errors if name in tally else errors
@@ -102,7 +102,7 @@ class FittedLog:
         """Return the largest wild readings, and the outermost sound ones of each direction."""
         wild = np.zeros(len(samples.error), bool)
         if self.streamed.wild:
-            wild = self.streamed.judged(samples).wild
+            wild = self.streamed.wild_of(samples)
         rows = [largest_wild(samples.error - self.zero, wild)]
         branch = samples.branch
         for way in (0,) if branch is None else (0, 1):
@@ -133,7 +133,7 @@ def fit_log(readings: LogReadings) -> TableDraft:
     )
     log = FittedLog(readings, streamed, grouping, plan.zeroed(streamed.fit)[0])
     samples, row = log.shown()
-    at, wild = (samples.positions, samples.branch), streamed.judged(samples).wild
+    at, wild = (samples.positions, samples.branch), streamed.wild_of(samples)
     residual = samples.error - predict(streamed.fit, *at)[0]
     fit = dataclasses.replace(streamed.fit, residual=residual, wild=wild)
     fit, alike = as_passes_differ(plan, row.astype(float), samples, fit, log.every)
