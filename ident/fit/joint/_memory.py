@@ -11,7 +11,6 @@ between them, and what each of them makes of a value is a score, as that of a st
 """
 
 import dataclasses
-from collections.abc import Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, final
 
@@ -64,12 +63,31 @@ class Memory:
 
     @cached_property
     def pseudo(self) -> Float[np.ndarray, " r"]:
-        """Pseudo-readings without what the direction explains, 0 where one is not believed."""
-        design, position = self.fit.design, self.fit.design.data.position
+        """Pseudo-readings less what the direction of motion explains at every turn alike.
+
+        A table for both directions leaves the backlash in the residual: that is no memory. 0 where
+        a reading is not believed.
+        """
+        pseudo, design, order = self.fit.pseudo, self.fit.design, self.order
+        position, believed = design.data.position, pseudo != 0.0
+        columns = [np.ones(len(pseudo))]
         masters = {name for effect in design.effects for name in effect.masters}
-        names = sorted(masters & position.keys())
-        places = [position[name][design.rows] for name in names]
-        return without_turns(self.fit.pseudo, places, self.order)
+        for name in sorted(masters & position.keys()):
+            place = position[name][design.rows][order]
+            # Where a position is not known, nothing moves.
+            steps = np.nan_to_num(np.diff(place, prepend=place[:1]))
+            signs = last_direction(steps, 0.0)
+            stretch = np.cumsum(np.diff(signs, prepend=signs[:1]) != 0.0)
+            count = np.bincount(stretch, believed[order])
+            mean = np.bincount(stretch, pseudo[order]) / np.maximum(count, 1.0)
+            first = np.searchsorted(stretch, np.arange(len(count)))
+            jumps = np.diff(mean) * signs[first[1:]]
+            if len(jumps) >= _TURNS and abs(np.mean(jumps)) > _ALIKE * np.std(jumps):
+                columns.append(np.empty(len(pseudo)))
+                columns[-1][order] = signs
+        turns = np.column_stack(columns)
+        share = np.linalg.lstsq(turns[believed], pseudo[believed], rcond=None)[0]
+        return np.where(believed, pseudo - turns[:, 1:] @ share[1:], 0.0)
 
     def swollen(self, white: Spread, places: Int[np.ndarray, " k"] | slice) -> Spread:
         """Return variances, or the covariance, of values at some places.
@@ -223,34 +241,6 @@ def drift_beside(
     basis = scipy.linalg.orth(columns, rcond=SINGULAR)
     noise = find_drift(clock, basis, pseudo)
     return noise if noise.drift > 0.0 else None
-
-
-def without_turns(
-    pseudo: Float[np.ndarray, " r"],
-    positions: Sequence[Float[np.ndarray, " r"]],
-    order: Int[np.ndarray, " r"],
-) -> Float[np.ndarray, " r"]:
-    """Return residuals less what the direction of motion explains at every turn alike.
-
-    A table for both directions leaves the backlash in the residual: that is no memory. Residuals
-    are 0 where a reading is not believed; positions are those of each moving axis.
-    """
-    believed, columns = pseudo != 0.0, [np.ones(len(pseudo))]
-    for position in positions:
-        # Where a position is not known, nothing moves.
-        steps = np.nan_to_num(np.diff(position[order], prepend=position[order[:1]]))
-        signs = last_direction(steps, 0.0)
-        stretch = np.cumsum(np.diff(signs, prepend=signs[:1]) != 0.0)
-        count = np.bincount(stretch, believed[order])
-        mean = np.bincount(stretch, pseudo[order]) / np.maximum(count, 1.0)
-        first = np.searchsorted(stretch, np.arange(len(count)))
-        jumps = np.diff(mean) * signs[first[1:]]
-        if len(jumps) >= _TURNS and abs(np.mean(jumps)) > _ALIKE * np.std(jumps):
-            columns.append(np.empty(len(pseudo)))
-            columns[-1][order] = signs
-    design = np.column_stack(columns)
-    share = np.linalg.lstsq(design[believed], pseudo[believed], rcond=None)[0]
-    return np.where(believed, pseudo - design[:, 1:] @ share[1:], 0.0)
 
 
 def times(spread: Spread, factors: Float[np.ndarray, " k"]) -> Spread:
