@@ -135,7 +135,9 @@ class Problem:
 
     def precision(self, weights: Vector) -> sp.csr_array:
         """Return information + prior precision, both triangles."""
-        return sp.csr_array(self.sums.matrix + self.prior(weights))
+        sums = self.sums
+        rows: Any = [[sums.band_matrix, sums.cross.T], [sums.cross, sums.border]]
+        return sp.csr_array(sp.block_array(rows) + self.prior(weights))
 
     def terms(self, weights: Vector) -> list[tuple[float, Term]]:
         """Return the terms of the prior that have a weight, each with it."""

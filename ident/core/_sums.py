@@ -108,12 +108,6 @@ class Sums:
         signed: Any = [*(-k for k in offsets), *offsets[1:]]
         return sp.diags_array([*lower, *lower[1:]], offsets=signed, shape=(n, n))
 
-    @property
-    def matrix(self) -> sp.csr_array:
-        """$A^T W A$ of all unknowns, both triangles."""
-        rows: Any = [[self.band_matrix, self.cross.T], [self.cross, self.border]]
-        return sp.csr_array(sp.block_array(rows))
-
     def moved(self, step: Vector, gain: float = 1.0) -> "Sums":
         """Return the sums about θ + step; weights and mean ψ' (``gain``) of the loss stay."""
         change = gain * self.apply(step)
