@@ -82,21 +82,12 @@ class Chain:
         return second, sp.csr_array(outer @ second)
 
     @cached_property
-    def least(self) -> tuple[float, float]:
-        """Least non-zero eigenvalue of both penalties; 0 on a long chain."""
-        if self.size > _LONG:
-            return 0.0, 0.0
-        both = self.eigenvalues(1.0), self.eigenvalues(0.0, 1.0)
-        second, fourth = (float(min(v[v > 0.0], default=0.0)) for v in both)
-        return second, fourth
-
-    @property
     def bounds(self) -> Float[np.ndarray, "2 2"]:
         """Ends of the log weights: no stiffer than a straight table, or a factor, bears."""
-        high = [
-            min(cap, most / least) if least > 0.0 else cap
-            for cap, most, least in zip(_CAPS, _STRAIGHT, self.least, strict=True)
-        ]
+        high, each = [], ((1.0, 0.0), (0.0, 1.0))
+        for weights, cap, straight in zip(each, _CAPS, _STRAIGHT, strict=True):
+            bends = self.eigenvalues(*weights) if self.size <= _LONG else np.zeros(0)
+            high.append(min(cap, max(straight / bends[bends > 0.0], default=np.inf)))
         return np.array([[_LEAST, np.log(high[0])], [_OFF, max(np.log(high[1]), _OFF)]])
 
     @functools.lru_cache(maxsize=64)  # noqa: B019 (`chain` keeps them anyway)
