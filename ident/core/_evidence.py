@@ -290,18 +290,16 @@ def _thinned(problem: Problem) -> tuple[Problem, Callable[[Vector], Vector]]:
     step = np.concatenate([-problem.theta[:n], np.zeros(stack.size - n)])
     thinned = sums.moved(step, problem.gain).reduced(slim, interpolation)
     theta = np.concatenate([np.zeros(m), problem.theta[n:]])
-    names = list(coarse.prior.names)
     order, factor = np.arange(len(problem.density)), np.ones(len(problem.density))
-    ratio = [
-        float(np.diff(coarse_nodes).mean() / np.diff(fine_nodes).mean())
-        for coarse_nodes, fine_nodes in zip(grid, table.nodes, strict=True)
-    ]
-    for k, name in enumerate(table.prior.names):
-        order[k] = names.index(name)
-        axis, power = int(name[-1]) - 1, 3 if name.startswith("order 2") else 7
+    if coarse.prior.axes != table.prior.axes:
+        order[:4] = 2, 3, 0, 1
+    pairs = zip(table.nodes, grid, strict=True)
+    ratio = [(len(every) - 1) / (len(some) - 1) for every, some in pairs]
+    for k, axis in enumerate(table.prior.axes):
         # Sums over nodes of squared differences: ∫f''² dx times distance³ along the
         # axis, ∫f''''² dx times distance⁷, per distance across.
-        factor[k] = ratio[axis] ** power / ratio[1 - axis]
+        powers = np.array([ratio[axis - 1] ** 3, ratio[axis - 1] ** 7])
+        factor[2 * k : 2 * k + 2] = powers / ratio[2 - axis]
     pins = np.concatenate([np.zeros(m), problem.held[n:]])
     result = Problem.of(thinned, theta, problem.gain, pins)
     result = dataclasses.replace(result, pinned=problem.pinned, times=problem.times)
