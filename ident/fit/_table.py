@@ -206,9 +206,7 @@ class _InMemory:
         """Return the table, and effects of the runs; some do not count in their mean."""
         table, counted = self.layout, ~np.isin(self.labels, far)
         trend = "order" if self.run_effects == "drift" else None
-        if not len(counted):
-            return Stack((table,), table.size > _DENSE)
-        runs = (GroupEffect(counted, trend, self.kept),)
+        runs = (GroupEffect(counted, trend, self.kept),) if len(counted) else ()
         return Stack((table, *runs), table.size > _DENSE)
 
     @cached_property

@@ -35,7 +35,7 @@ class Samples:
 
     @cached_property
     def readings(self) -> Readings:
-        """The same as inputs of `TableEffect.effect`; runs by number from 0, places centred."""
+        """The same as inputs of `TableEffect.design`; runs by number from 0, places centred."""
         inputs = {
             f"position {k + 1}": np.ascontiguousarray(column, float)
             for k, column in enumerate(self.positions.T)

@@ -314,7 +314,7 @@ def _course(
 ) -> Course:
     """Return what the reference does; one run alone has no offset."""
     labels, index = np.unique(_run_of(data, axis, rows), return_inverse=True)
-    runs = tuple(int(label) for label in labels)
+    runs = tuple(labels.tolist())
     counted: tuple[bool, ...] = ()
     if data.own_zero is not None and len(runs) > 1:
         counted = tuple((np.bincount(index, data.own_zero[rows]) > 0).tolist())
