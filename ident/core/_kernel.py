@@ -1,4 +1,4 @@
-"""The compiled loops of the sums, for many readings; numba compiles once per machine.
+"""The compiled loop of the sums, for many readings; numba compiles once per machine.
 
 Cells of equidistant nodes are located with the bits of `axcomp.models.EquidistantNodes`.
 """
@@ -82,22 +82,3 @@ def add_plane(
                 place += 1
     # In memory, other stores between, each sum would wait for the one before.
     tally += np.array([count, slopes, scores, squares, good])
-
-
-@machine_code
-@no_type_check
-def add_products(pointers, columns, data, weight, slots, diagonals, border):
-    """Add the products of the elements of sparse rows: to a band, and to rows beside it."""
-    n = len(diagonals)
-    for t in range(len(weight)):
-        for a in range(pointers[t], pointers[t + 1]):
-            share = weight[t] * data[a]
-            for b in range(pointers[t], a + 1):
-                i, j = max(columns[a], columns[b]), min(columns[a], columns[b])
-                product = share * data[b]
-                if i == j and a != b:
-                    product *= 2.0
-                if i >= n:
-                    border[i - n, j] += product
-                else:
-                    diagonals[j, slots[i - j]] += product

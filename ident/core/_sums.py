@@ -247,19 +247,9 @@ def _products(
     diagonals = np.zeros((n, len(offsets)))
     if isinstance(design, np.ndarray):
         gram: Any = design.T @ (weight[:, None] * design)
-    elif len(weight) < MANY:
-        gram = sp.csr_array(design.T @ sp.csr_array(sp.diags_array(weight) @ design))
     else:
-        from ._kernel import add_products
-
-        slots = np.zeros(max(offsets) + 1, np.int64)
-        slots[offsets] = np.arange(len(offsets))
-        rows = design.indptr, design.indices, design.data
-        lower = np.zeros((stack.size - n, stack.size))
-        add_products(*rows, weight, slots, diagonals, lower)
-        border = lower[:, n:] + np.tril(lower[:, n:], -1).T
-        cross = np.ascontiguousarray(lower[:, :n])
-        return diagonals, cross, border
+        weighted = design if weight.all() else sp.diags_array(weight) @ design
+        gram = sp.csr_array(design.T @ weighted)
     for slot, k in enumerate(offsets if n else ()):
         diagonals[: n - k, slot] = gram[:n, :n].diagonal(-k)
     cross, border = gram[n:, :n], gram[n:, n:]
