@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from axcomp.ident.friction import DriveSamples, Stribeck, fit_inverse
+from axcomp.ident.friction import DriveSamples, Stribeck
+from tests.ident.friction_job import fit_inverse
 
 DRAWS, SAMPLES, CYCLE = 1000, 2000, 0.01  # s
 NOISE, WILD = 0.10, 0.01

@@ -5,7 +5,7 @@ Read in this order:
 - `_samples`: what a drive recorded; `_structures`: kinds of law and their columns.
 - `_equation`: a recording as rows of a linear equation; `_weights`: how much each counts.
 - `_result`: `FrictionFit`, parameters, their deviations, and what the data do not tell.
-- `_inverse`: `fit_inverse`, the fit of a law by variable projection, and what it carries.
+- `_inverse`: the fit of a law by variable projection, and what the data carry of it.
 - `_choice`: `choose_law`, which kind of law predicts windows held out.
 - `_simulate`: a drive under a measured force; `_output_error`: `fit_output_error`.
 - `_reversal`: `fit_reversal`, how friction changes over where an axis reverses.
@@ -13,7 +13,6 @@ Read in this order:
 """
 
 from ._choice import Candidate as Candidate, Choice as Choice, choose_law as choose_law
-from ._inverse import fit_inverse as fit_inverse
 from ._knots import Knots as Knots, place_knots as place_knots
 from ._output_error import (
     OutputErrorFit as OutputErrorFit,

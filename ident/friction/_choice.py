@@ -188,7 +188,8 @@ def choose_law(
             direction, where left out. A table that rises and falls again and again does
             not compete.
         inertia: In drive units per mm/s², where it is known.
-        loss: As for `fit_inverse`.
+        loss: ``"trim"`` (least squares, wild samples out), ``"student"``, ``"huber"`` or
+            ``"gauss"``.
 
     Raises:
         FitError: If the recording is too short to hold out windows.

@@ -14,7 +14,6 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ...data.signals import decimate
-from ..core import FitError
 from ._samples import DriveSamples, Trace, check_samples
 from ._structures import (
     KNOTS,
@@ -291,15 +290,16 @@ def in_line(columns: Float[np.ndarray, "s w k"]) -> Float[np.ndarray, "s c"]:
 def record(
     samples: DriveSamples, inertia: float | None, decimate: int | None
 ) -> Recording:
-    """Return the rows of a checked recording; arguments as of `fit_inverse`.
+    """Return the rows of a checked recording, about 100 a second where nothing is stated.
+
+    Args:
+        samples: The recording.
+        inertia: In drive units per mm/s², where it is known.
+        decimate: Samples per row, at least 1.
 
     Raises:
         FitError: If the samples cannot be used at all.
     """
     check_samples(samples)
-    default = max(1, round(1.0 / (_RATE * samples.cycle)))
-    factor = default if decimate is None else decimate
-    if factor < 1:
-        msg = f"decimate: found {factor}, expected 1 or more."
-        raise FitError(msg)
+    factor = decimate or max(1, round(1.0 / (_RATE * samples.cycle)))
     return Recording(samples, inertia, factor)

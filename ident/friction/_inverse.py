@@ -15,12 +15,11 @@ from jaxtyping import Float
 from scipy.linalg import eigh
 from scipy.optimize import least_squares
 
-from ..core import FitError, one_blas_thread, rooted
-from ._equation import Equation, in_line, record
+from ..core import FitError, rooted
+from ._equation import Equation, in_line
 from ._result import OTHER, FrictionFit, lag_of, score_covariance
-from ._samples import DriveSamples
-from ._structures import GAUSS, AbstractStructure, CoulombViscous, Shape, Stribeck
-from ._weights import Rows, View, Weights, orthonormal, ridged, weigh
+from ._structures import GAUSS, CoulombViscous, Shape, Stribeck
+from ._weights import Rows, View, Weights, orthonormal, ridged
 
 _DROP = 3.0
 """Standard deviations that a drop must show to be one."""
@@ -37,38 +36,6 @@ _NULL = 1e-9
 """Share of the normal matrix added to it, that a smoothness prior can be compared with it."""
 _WEIGHTS = np.geomspace(1e-2, 1e8, 31)
 """Of a smoothness prior, relative to 1/noise², that are tried."""
-
-
-def fit_inverse(
-    samples: DriveSamples,
-    structure: AbstractStructure | None = None,
-    *,
-    inertia: float | None = None,
-    loss: str = "trim",
-    decimate: int | None = None,
-) -> FrictionFit:
-    """Fit inertia, friction law and offset to a recording of any motion.
-
-    Both sides of the equation go through one low-pass (`Lowpass`). Standard deviations are HAC
-    (`score_covariance`). A Stribeck drop or exponent that the data do not show is left out and
-    named, and the rest fitted without it.
-
-    Args:
-        samples: The recording.
-        structure: Kind of law; Stribeck with a free exponent where left out.
-        inertia: In drive units per mm/s², where it is known.
-        loss: ``"trim"`` (least squares, wild samples out), ``"student"``, ``"huber"`` or
-            ``"gauss"``.
-        decimate: Samples per row; about 100 rows per second where not stated.
-
-    Raises:
-        FitError: If the samples cannot be used at all; what merely cannot be told apart is
-            named in the result.
-    """
-    recording = record(samples, inertia, decimate)
-    with one_blas_thread():
-        weights = weigh(recording, loss)
-        return fit_carried(Equation(recording, structure or Stribeck()), weights)
 
 
 def fit_carried(equation: Equation, weights: Weights) -> FrictionFit:

@@ -129,7 +129,7 @@ def laws_held_out(
         fit: The drive found in the whole recording.
         samples: The recording.
         window: Of each sample, from 0.
-        loss: Of the inverse fits, as for `fit_inverse`.
+        loss: Of the inverse fits, as for `choose_law`.
     """
     whole, laws = fit.friction, []
     # Both solvers end in the same optimum; only inequalities need the slower one.

@@ -1,4 +1,11 @@
-"""The job of a friction fit to a recorded trace, as several tests want it."""
+"""A friction fit to a recorded trace as several tests want it: its job, and one law of it."""
+
+from axcomp.ident.core import one_blas_thread
+from axcomp.ident.friction import DriveSamples, FrictionFit, Stribeck
+from axcomp.ident.friction._equation import Equation, record
+from axcomp.ident.friction._inverse import fit_carried
+from axcomp.ident.friction._structures import AbstractStructure
+from axcomp.ident.friction._weights import weigh
 
 _JOB = """\
 {head}
@@ -29,3 +36,18 @@ def friction_job(
 ) -> str:
     """Return a job: keys of the fit, tables before the axis, keys of the axis."""
     return _JOB.format(keys=keys, head=head, axis=axis, file=file, unit=unit)
+
+
+@one_blas_thread()
+def fit_inverse(
+    samples: DriveSamples,
+    structure: AbstractStructure | None = None,
+    *,
+    inertia: float | None = None,
+    loss: str = "trim",
+    decimate: int | None = None,
+) -> FrictionFit:
+    """Return what `choose_law` fits of one kind of law, without windows held out."""
+    recording = record(samples, inertia, decimate)
+    equation = Equation(recording, structure or Stribeck())
+    return fit_carried(equation, weigh(recording, loss))

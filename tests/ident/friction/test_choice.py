@@ -16,10 +16,11 @@ from axcomp.ident.friction import (
     Stribeck,
     choose_law,
     default_knots,
-    fit_inverse,
 )
 from axcomp.ident.friction._equation import Lowpass
 from axcomp.ident.friction._result import lag_of, score_covariance
+
+from ..friction_job import fit_inverse
 
 EMPS = Path(__file__).parents[3] / "../shared/data/emps/DATA_EMPS.mat"
 PUBLISHED = {  # value and standard deviation; kg → N per mm/s²

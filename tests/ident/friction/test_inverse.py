@@ -15,12 +15,13 @@ from axcomp.ident.friction import (
     KnotTable,
     Stribeck,
     default_knots,
-    fit_inverse,
 )
-from axcomp.ident.friction._equation import Equation
-from axcomp.ident.friction._inverse import fit_competing, record
+from axcomp.ident.friction._equation import Equation, record
+from axcomp.ident.friction._inverse import fit_competing
 from axcomp.ident.friction._weights import weigh
 from axcomp.models import StribeckFriction
+
+from ..friction_job import fit_inverse
 
 DATA = Path(__file__).parents[3] / "../shared/data"
 CYCLE = 0.01  # s

@@ -17,12 +17,13 @@ from axcomp.ident.friction import (
     FrictionFit,
     KnotTable,
     Stribeck,
-    fit_inverse,
     fit_output_error,
     laws_held_out,
 )
 from axcomp.ident.friction._simulate import Drive, Excitation, padded, travel
 from axcomp.models import StribeckFriction
+
+from ..friction_job import fit_inverse
 
 # Simulations take longer than a compilation with few optimisations saves.
 pytestmark = pytest.mark.usefixtures("optimised")
