@@ -19,7 +19,7 @@ from ._output_error import (
     fit_output_error as fit_output_error,
     laws_held_out as laws_held_out,
 )
-from ._result import FrictionFit as FrictionFit
+from ._result import FrictionFit as FrictionFit, friction_of as friction_of
 from ._reversal import ReversalFit as ReversalFit, fit_reversal as fit_reversal
 from ._samples import DriveSamples as DriveSamples
 from ._structures import (
@@ -27,7 +27,6 @@ from ._structures import (
     CoulombViscous as CoulombViscous,
     DirectionalTable as DirectionalTable,
     KnotTable as KnotTable,
-    Laws as Laws,
     Stribeck as Stribeck,
     default_knots as default_knots,
 )

@@ -11,9 +11,9 @@ from scipy.signal import find_peaks
 from ..core import FitError, one_blas_thread
 from ._equation import Recording, record
 from ._inverse import fit_competing
-from ._result import FrictionFit
+from ._result import FrictionFit, friction_of
 from ._samples import DriveSamples
-from ._structures import AbstractStructure, CoulombViscous, KnotTable, Laws, Stribeck
+from ._structures import AbstractStructure, CoulombViscous, KnotTable, Stribeck
 from ._weights import ridged, weigh
 
 WINDOWS = 10
@@ -34,14 +34,14 @@ class Candidate:
     Attributes:
         structure: Kind of law.
         fit: By all rows; of a simpler law where they do not carry it.
-        without: What it is without each window.
+        without: The same without each window: `state` and `shape` alone.
         window_error: RMS error per window held out, relative to the RMS of the load.
         fitted_error: As ``error``, on the rows fitted.
     """
 
     structure: AbstractStructure
     fit: FrictionFit
-    without: Laws
+    without: tuple[FrictionFit, ...]
     window_error: Float[np.ndarray, " w"]
     fitted_error: float
 
@@ -104,14 +104,14 @@ class Choice:
         return [rival for rival in self.candidates if rival.structure.parametric]
 
     @property
-    def without(self) -> Laws:
+    def without(self) -> tuple[FrictionFit, ...]:
         """The chosen law fitted without each window."""
         return self.candidates[self.chosen].without
 
     def deviation(
         self,
         fit: FrictionFit,
-        without: Laws,
+        without: Sequence[FrictionFit],
         velocity: Float[np.ndarray, " v"],
         read: Callable[[Float[np.ndarray, "v *n"]], Float[np.ndarray, "*c"]],
     ) -> Float[np.ndarray, "*c"]:
@@ -131,11 +131,11 @@ class Choice:
         """
 
         def doubt(
-            fit: FrictionFit, without: Laws
+            fit: FrictionFit, without: Sequence[FrictionFit]
         ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
             """Return values, the variance by windows, and the squares by straight lines."""
             law = fit.friction(velocity), fit.structure.bent(velocity, fit.factors)
-            table = read(np.column_stack([*law, without.friction(velocity)]))
+            table = read(np.column_stack([*law, friction_of(without, velocity)]))
             value, bent, others = table[..., 0], table[..., 1], table[..., 2:]
             count = others.shape[-1]
             # Mean square of Student's t: few windows tell their own spread badly.
@@ -271,20 +271,20 @@ def _hold_out(
     fit: FrictionFit,
     window: Int[np.ndarray, " s"],
     touched: Int[np.ndarray, "2 w"],
-) -> tuple[Laws, Float[np.ndarray, " s"]]:
+) -> tuple[tuple[FrictionFit, ...], Float[np.ndarray, " s"]]:
     """Return what a law is without each window, and the error of each row when held out.
 
     Solved by the sums of all rows, linear in the shape, less those that share samples with the
     window (``touched``: the first of them, and the row behind the last).
     """
-    equation, shape, size, rows = fit.equation, fit.shape, len(fit.state), fit.rows
+    size, rows = len(fit.state), fit.rows
     sums = rows.sums - np.stack([rows.sums_of(slice(*ends)) for ends in touched.T])
     solution = ridged(sums[:, :, :-1] + fit.prior, sums[:, :, -1])
-    factors, steps = solution[:, :size], solution[:, size:]
-    shapes = np.clip(shape + np.clip(steps, -_LONGEST, _LONGEST), *equation.bounds)
+    steps = np.clip(solution[:, size:], -_LONGEST, _LONGEST)
+    shapes = np.clip(fit.shape + steps, *fit.equation.bounds)
     error = rows.target - (rows.right @ solution.T)[np.arange(len(window)), window]
-    names, linear, to_law = equation.reading
-    named = dict(zip(names, linear @ factors.T, strict=True))
-    known = np.full(len(factors), equation.recording.inertia or 0.0)
-    loads = named.get("inertia", known), named["offset"]
-    return Laws(equation.structure, factors @ to_law.T, shapes, *loads), error
+    pairs = zip(solution[:, :size], shapes, strict=True)
+    laws = (
+        dataclasses.replace(fit, state=state, shape=shape) for state, shape in pairs
+    )
+    return tuple(laws), error

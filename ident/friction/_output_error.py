@@ -33,7 +33,7 @@ from ._simulate import (
     residual_of,
     solve,
 )
-from ._structures import SUFFIXES, CoulombViscous, Laws, Stribeck
+from ._structures import SUFFIXES, CoulombViscous, Stribeck
 from ._weights import Rows, weigh
 
 _PIECES, _SHORTEST = 64, 40
@@ -119,8 +119,8 @@ def laws_held_out(
     samples: DriveSamples,
     window: Int[np.ndarray, " t"],
     loss: str = "trim",
-) -> Laws:
-    """Return the drive found by output error without each window.
+) -> tuple[FrictionFit, ...]:
+    """Return the drive found by output error without each window: `state` and `shape` alone.
 
     For each window both fits are repeated on the rest of the recording; the axis is set down
     anew behind it. Where the rest does not carry a fit, that of the whole recording stands in.
@@ -149,9 +149,8 @@ def laws_held_out(
             law = other if other.has_law else whole
         except FitError:
             pass
-        extra = (law.parameters.get(k, 0.0) for k in ("inertia", "offset"))
-        laws.append((law.factors, law.shape, *extra))
-    return Laws(whole.structure, *map(np.array, zip(*laws, strict=True)))
+        laws.append(dataclasses.replace(whole, state=law.state, shape=law.shape))
+    return tuple(laws)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -1,7 +1,7 @@
 """A fitted law: what the rows say of it, how far each number is known, and what is not told."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import final
 
@@ -124,6 +124,13 @@ class FrictionFit:
             f"{self.structure.words}: {'converged' if self.converged else 'did not converge'},"
             f" {rows - self.count} of {rows} samples rejected as wild."
         )
+
+    @property
+    def loads(self) -> tuple[float, float]:
+        """Inertia in drive units per mm/s², fitted or known, and the constant load."""
+        names, linear, _ = self.equation.reading
+        values = dict(zip(names, linear @ self.state, strict=True))
+        return values.get("inertia", self.inertia or 0.0), values["offset"]
 
     @cached_property
     def _root(self) -> Float[np.ndarray, "m r"]:
@@ -293,8 +300,7 @@ class FrictionFit:
 
     def friction(self, velocity: Float[np.ndarray, " v"]) -> Float[np.ndarray, " v"]:
         """Return the friction at velocities in mm/s, in drive units."""
-        law = velocity, self.factors[None], self.shape[None]
-        return np.asarray(self.structure.friction(*law)[:, 0])
+        return friction_of([self], velocity)[:, 0]
 
     def slopes(self, velocity: Float[np.ndarray, " v"]) -> Float[np.ndarray, "v p"]:
         """Return the derivatives of the friction by ``factors`` and ``shape``."""
@@ -303,6 +309,15 @@ class FrictionFit:
         factors = self.factors.reshape(structure.ways, -1)[:, -1]
         by_shape = (factors @ structure.signs(velocity))[:, None] * last
         return np.hstack([structure.columns(velocity, shapes)[0], by_shape])
+
+
+def friction_of(
+    fits: Sequence[FrictionFit], velocity: Float[np.ndarray, " v"]
+) -> Float[np.ndarray, "v n"]:
+    """Return the friction of several laws of one kind, as `FrictionFit.friction` does."""
+    factors = np.stack([fit.factors for fit in fits])
+    shapes = np.stack([fit.shape for fit in fits])
+    return fits[0].structure.friction(velocity, factors, shapes)
 
 
 def lag_of(scores: Float[np.ndarray, "t k"], piece: Int[np.ndarray, " t"]) -> int:

@@ -310,30 +310,6 @@ class KnotTable(AbstractStructure):
         return tables[0] if len(tables) == 1 else DirectionalTable(*tables)
 
 
-@final
-@dataclasses.dataclass(frozen=True, eq=False)
-class Laws:
-    """Laws of one kind: of a recording without each of its windows.
-
-    Attributes:
-        structure: Kind of law.
-        factors: Linear factors of each, in the order of `AbstractStructure.names`.
-        shapes: Logarithms of its non-linear parameters.
-        inertia: In drive units per mm/s².
-        offset: Constant load in drive units.
-    """
-
-    structure: AbstractStructure
-    factors: Float[np.ndarray, "n k"]
-    shapes: Shapes
-    inertia: Float[np.ndarray, " n"]
-    offset: Float[np.ndarray, " n"]
-
-    def friction(self, velocity: Trace) -> Float[np.ndarray, "t n"]:
-        """Return the friction of each at velocities in mm/s, in drive units."""
-        return self.structure.friction(velocity, self.factors, self.shapes)
-
-
 def range_of(speed: Trace) -> tuple[float, float]:
     """Return the slowest speed, but for a thousandth of the samples, and the fastest."""
     speeds = speed[speed > 0]

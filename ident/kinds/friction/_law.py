@@ -12,12 +12,12 @@ from ...friction import (
     DriveSamples,
     FrictionFit,
     Knots,
-    Laws,
     OutputErrorFit,
     ReversalFit,
     choose_law,
     fit_output_error,
     fit_reversal,
+    friction_of,
     laws_held_out,
 )
 from ...job.result._result import Remark
@@ -51,7 +51,7 @@ class Identified:
     choice: Choice
     output: OutputErrorFit | None
     reversal: ReversalFit | None
-    without: Laws
+    without: tuple[FrictionFit, ...]
     remarks: tuple[Remark, ...]
 
     @property
@@ -244,5 +244,5 @@ def law_curve(result: Identified, samples: DriveSamples) -> LawCurve | None:
         positive_share=share,
         currents=currents(fit.friction(signed)),
         deviations=result.choice.deviation(fit, result.without, signed, currents),
-        without=currents(result.without.friction(signed))[2],
+        without=currents(friction_of(result.without, signed))[2],
     )

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from ....data.signals import median
-from ...friction import Choice, DriveSamples, FrictionFit, Knots, Stribeck
+from ...friction import Choice, DriveSamples, FrictionFit, Knots, Stribeck, friction_of
 from ...job._draft import Foreseen
 from ...job._gating import leaves_what_was_predicted
 from ...job.result._result import AbstractResult, Expectation
@@ -119,11 +119,10 @@ def view_of(
         offset = float((friction - listed)[sound].mean())
         before = friction - offset
     laws = identified.without
-    curves = laws.friction(samples.velocity) if curve is None else curve.without
-    for number, (inertia, constant) in enumerate(
-        zip(laws.inertia, laws.offset, strict=True)
-    ):
+    curves = friction_of(laws, samples.velocity) if curve is None else curve.without
+    for number, fit in enumerate(laws):
         rows, law = window == number, curves[:, number]
+        inertia, constant = fit.loads
         remainder = samples.current - inertia * acceleration
         if curve is not None:
             law = sign * np.interp(speed, curve.speed, law)

@@ -231,7 +231,7 @@ def test_laws_held_out_are_those_of_the_rest_of_the_recording() -> None:
     assert samples.position is not None
     wrong = samples.current + 8.0 * (window == 2) * np.sign(samples.velocity)
     laws = laws_held_out(fit, dataclasses.replace(samples, current=wrong), window)
-    found = laws.friction(np.array([50.0]))[0]
+    found = [law.friction(np.array([50.0]))[0] for law in laws]
     # 30 N at 50 mm/s; noise of position leaves some tenths, the lie more than 1 N.
     assert found[2] == pytest.approx(30.0, abs=0.5)
     assert min(abs(found[0] - 30.0), abs(found[1] - 30.0)) > 1.0
