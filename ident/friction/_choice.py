@@ -195,7 +195,7 @@ def choose_law(
         FitError: If the recording is too short to hold out windows.
     """
     recording = record(samples, inertia, None)
-    window, reach = _windows(recording), recording.lowpass.reach
+    window, reach = _windows(recording), recording.reach
     edges = window.searchsorted(range(WINDOWS + 1))
     # Rows beside a window share samples with it by the filter.
     touched = np.stack([edges[:-1] - reach, edges[1:] + reach]).clip(0, len(window))
@@ -224,7 +224,7 @@ def choose_law(
             structure = kind if fit.missing else fit.structure
             candidates.append(Candidate(structure, fit, without, errors, fitted))
     # Each sample belongs to the window of the nearest row.
-    centres = recording.lowpass.centres
+    centres = recording.centres
     between = 0.5 * (centres[1:] + centres[:-1])
     window = window[np.searchsorted(between, np.arange(len(samples.time)))]
     return Choice(tuple(candidates), window)

@@ -34,57 +34,15 @@ _RATE = 100.0
 
 @final
 @dataclasses.dataclass(frozen=True, eq=False)
-class Lowpass:
-    """A zero-phase FIR low-pass and every ``factor``-th sample of what it gives.
-
-    Attributes:
-        piece: Stretch of even time steps that each sample belongs to.
-        factor: Samples per row; 1 filters nothing.
-    """
-
-    piece: Int[np.ndarray, " t"]
-    factor: int
-
-    @cached_property
-    def _runs(self) -> list[slice]:
-        edges = np.flatnonzero(np.diff(self.piece, prepend=-1, append=-1)).tolist()
-        runs = [slice(*ends) for ends in itertools.pairwise(edges)]
-        taps = 2 * _REACH * self.factor + 1
-        return [run for run in runs if run.stop - run.start >= taps]
-
-    @cached_property
-    def centres(self) -> Int[np.ndarray, " s"]:
-        """Sample of the recording that each row is centred on."""
-        if self.factor == 1:
-            return np.arange(len(self.piece))
-        half = _REACH * self.factor
-        ends = ((run.start + half, run.stop - half) for run in self._runs)
-        centres = [np.arange(*places, self.factor) for places in ends]
-        return np.concatenate([np.zeros(0, np.int64), *centres])
-
-    @property
-    def reach(self) -> int:
-        """Rows on each side that share samples with a row."""
-        return 0 if self.factor == 1 else 2 * _REACH
-
-    def __call__(self, columns: Float[np.ndarray, "t *c"]) -> Float[np.ndarray, "s *c"]:
-        """Return the filtered, thinned columns; the kernel lies within one piece entirely."""
-        if self.factor == 1:
-            return columns
-        runs = [decimate(columns[run], self.factor) for run in self._runs]
-        inside = [rows[_REACH:-_REACH] for rows in runs]
-        return np.concatenate([columns[:0], *inside])
-
-
-@final
-@dataclasses.dataclass(frozen=True, eq=False)
 class Recording:
     """A recording as filtered, thinned rows: what the equations of all laws share.
+
+    The filter is a zero-phase FIR low-pass, of which every ``factor``-th sample is a row.
 
     Attributes:
         samples: What was recorded.
         inertia: In drive units per mm/s², or None to fit it.
-        factor: Samples of the recording per row.
+        factor: Samples of the recording per row; 1 filters nothing.
     """
 
     samples: DriveSamples
@@ -102,14 +60,40 @@ class Recording:
         return dataclasses.replace(self, samples=samples)
 
     @cached_property
-    def lowpass(self) -> Lowpass:
-        """Filter of both sides."""
-        return Lowpass(self.samples.piece, self.factor)
+    def _runs(self) -> list[slice]:
+        """Pieces that are longer than the filter."""
+        edges = np.flatnonzero(np.diff(self.samples.piece, prepend=-1, append=-1))
+        runs = [slice(*ends) for ends in itertools.pairwise(edges.tolist())]
+        taps = 2 * _REACH * self.factor + 1
+        return [run for run in runs if run.stop - run.start >= taps]
+
+    @cached_property
+    def centres(self) -> Int[np.ndarray, " s"]:
+        """Sample of the recording that each row is centred on."""
+        if self.factor == 1:
+            return np.arange(len(self.samples.piece))
+        half = _REACH * self.factor
+        ends = ((run.start + half, run.stop - half) for run in self._runs)
+        centres = [np.arange(*places, self.factor) for places in ends]
+        return np.concatenate([np.zeros(0, np.int64), *centres])
+
+    @property
+    def reach(self) -> int:
+        """Rows on each side that share samples with a row."""
+        return 0 if self.factor == 1 else 2 * _REACH
+
+    def filtered(self, columns: Float[np.ndarray, "t *c"]) -> Float[np.ndarray, "s *c"]:
+        """Return the filtered, thinned columns; the kernel lies within one piece entirely."""
+        if self.factor == 1:
+            return columns
+        runs = [decimate(columns[run], self.factor) for run in self._runs]
+        inside = [rows[_REACH:-_REACH] for rows in runs]
+        return np.concatenate([columns[:0], *inside])
 
     @cached_property
     def load(self) -> Float[np.ndarray, " s"]:
         """The current, filtered: what a relative error refers to."""
-        return self.lowpass(self.samples.current)
+        return self.filtered(self.samples.current)
 
     @cached_property
     def load_size(self) -> float:
@@ -122,18 +106,18 @@ class Recording:
         if self.inertia is None or self.samples.acceleration is None:
             return self.load
         force = self.inertia * self.samples.acceleration
-        return np.asarray(self.load - self.lowpass(force))
+        return np.asarray(self.load - self.filtered(force))
 
     @cached_property
     def usable(self) -> Bool[np.ndarray, " s"]:
         """Rows to fit: in motion and not saturated, for the most part of the filter."""
         good = self.samples.in_motion & ~self.samples.saturated
-        return np.asarray(self.lowpass(good * 1.0) > _MOSTLY)
+        return np.asarray(self.filtered(good * 1.0) > _MOSTLY)
 
     @cached_property
     def piece(self) -> Int[np.ndarray, " s"]:
         """Piece of each row."""
-        return np.asarray(self.samples.piece[self.lowpass.centres])
+        return np.asarray(self.samples.piece[self.centres])
 
     @cached_property
     def speed(self) -> Trace:
@@ -146,7 +130,7 @@ class Recording:
 
         What an axis passes within a row, as at a turn, would take up what no law explains.
         """
-        velocity, rows = self.samples.velocity, self.lowpass.centres[self.usable]
+        velocity, rows = self.samples.velocity, self.centres[self.usable]
         if self.factor > 1:
             change = velocity[rows + self.factor] - velocity[rows - self.factor]
             rows = rows[2.0 * np.abs(velocity[rows]) > np.abs(change)]
@@ -163,14 +147,16 @@ class Recording:
         """Acceleration, a constant load, and further loads."""
         samples, ones = self.samples, np.ones(len(self.samples.time))
         inertial = ones if samples.acceleration is None else samples.acceleration
-        return self.lowpass(np.stack([inertial, ones, *samples.loads.values()], axis=1))
+        return self.filtered(
+            np.stack([inertial, ones, *samples.loads.values()], axis=1)
+        )
 
     def by_direction(
         self, structure: AbstractStructure, profile: Float[np.ndarray, "t k"]
     ) -> Float[np.ndarray, "s w k"]:
         """Return columns over speed with the signs of each direction, filtered."""
         signs = structure.signs(self.samples.velocity).T
-        return self.lowpass(signs[:, :, None] * profile[:, None])
+        return self.filtered(signs[:, :, None] * profile[:, None])
 
 
 @final

@@ -17,7 +17,7 @@ from axcomp.ident.friction import (
     choose_law,
     default_knots,
 )
-from axcomp.ident.friction._equation import Lowpass
+from axcomp.ident.friction._equation import Recording
 from axcomp.ident.friction._result import lag_of, score_covariance
 
 from ..friction_job import fit_inverse
@@ -179,14 +179,14 @@ def test_a_window_has_next_to_no_say_in_its_own_prediction() -> None:
 
 def test_thinned_rows_are_those_of_a_convolution() -> None:
     rng = np.random.default_rng(2)
-    piece = np.repeat([0, 1], [300, 257])
-    columns = rng.normal(size=(557, 3))
-    lowpass = Lowpass(piece, 5)
+    piece, columns = np.repeat([0, 1], [300, 257]), rng.normal(size=(557, 3))
+    time = 0.01 * np.arange(557) + 3.0 * piece
+    seen = Recording(DriveSamples(time, *columns.T[:2]), None, 5)
     kernel = np.asarray(firwin(101, 1.0 / 5, window="hamming"), np.float64)
     plain = np.stack([np.convolve(each, kernel, "same") for each in columns.T], axis=1)
     # Sums of a hundred products in another order.
-    np.testing.assert_allclose(lowpass(columns), plain[lowpass.centres], atol=1e-14)
-    assert set(piece[lowpass.centres]) == {0, 1}
+    np.testing.assert_allclose(seen.filtered(columns), plain[seen.centres], atol=1e-14)
+    assert set(piece[seen.centres]) == {0, 1}
 
 
 def test_scores_are_summed_over_lags_with_bartletts_weights() -> None:
