@@ -15,14 +15,7 @@ from jaxtyping import Bool, Float, Int
 
 from ...data.signals import decimate
 from ._samples import DriveSamples, Trace, check_samples
-from ._structures import (
-    KNOTS,
-    SUFFIXES,
-    AbstractStructure,
-    Shape,
-    default_knots,
-    range_of,
-)
+from ._structures import KNOTS, SUFFIXES, AbstractStructure, Shape, default_knots
 
 _REACH = 10
 """Half the length of the filter in rows."""
@@ -138,11 +131,6 @@ class Recording:
         return default_knots(held if held.any() else self.speed, KNOTS)
 
     @cached_property
-    def speed_range(self) -> tuple[float, float]:
-        """Slowest and fastest speed in mm/s (`range_of`)."""
-        return range_of(self.speed)
-
-    @cached_property
     def beside(self) -> Float[np.ndarray, "s f"]:
         """Acceleration, a constant load, and further loads."""
         samples, ones = self.samples, np.ones(len(self.samples.time))
@@ -185,7 +173,7 @@ class Equation:
     @cached_property
     def bounds(self) -> Float[np.ndarray, "2 h"]:
         """The least and the largest logarithms of a shape that the data can tell apart."""
-        return self.structure.bounds(self.recording.speed_range)
+        return self.structure.bounds(self.recording.speed)
 
     @cached_property
     def _falling(self) -> dict[bytes, Float[np.ndarray, "s w c"]]:

@@ -26,7 +26,6 @@ from ._structures import (
     Shape,
     Stribeck,
     default_knots,
-    range_of,
 )
 from ._weights import ridged
 
@@ -252,7 +251,7 @@ class _Search:
     ) -> tuple[Place, float]:
         """Return the best place beside a distance of the grid, and the squares left."""
         ends = _DISTANCES[max(number - 1, 0)], _DISTANCES[number : number + 2][-1]
-        shapes = self.structure.bounds(range_of(np.abs(self.velocity[use])))
+        shapes = self.structure.bounds(np.abs(self.velocity[use]))
         low, high = np.column_stack([ends, shapes])
         start, inside = np.append(_DISTANCES[number], shape), 1e-3 * (high - low)
         unit = float(np.linalg.norm(self.solve(*cycles, start, use)[1])) or 1.0
@@ -322,8 +321,8 @@ def _fitted(search: _Search, reversals: int, delay: int) -> tuple[ReversalFit, f
     The delay is about that of `delay`.
     """
     keep = search.near | search.far
-    use, bounds = np.flatnonzero(keep), search.structure.bounds
-    shape = bounds(range_of(np.abs(search.velocity[use]))).mean(axis=0)
+    use = np.flatnonzero(keep)
+    shape = search.structure.bounds(np.abs(search.velocity[use])).mean(axis=0)
     # A first pass finds the wild samples and the shape, the second does without them.
     cycles, place, _ = search.best(shape, keep, delay, 1)
     error = search.solve(*cycles, place, use)[1]

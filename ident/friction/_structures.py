@@ -128,9 +128,9 @@ class AbstractStructure(abc.ABC):
         """What of the factors of one direction a smoothness prior keeps small, or None."""
         return None
 
-    def bounds(self, speeds: tuple[float, float]) -> Float[np.ndarray, "2 h"]:
-        """Return the least and the largest logarithms that the data can tell apart."""
-        del speeds
+    def bounds(self, speed: Trace) -> Float[np.ndarray, "2 h"]:
+        """Return the least and the largest logarithms that speeds in mm/s can tell apart."""
+        del speed
         return np.zeros((2, 0))
 
     def falling(self, speed: Trace, shapes: Shapes) -> Float[np.ndarray, "c n t"]:
@@ -232,17 +232,19 @@ class Stribeck(AbstractStructure):
         sums[2, 0] = 1.0
         return ("coulomb", "viscous", "breakaway"), sums
 
-    def starts(self, speeds: tuple[float, float]) -> Shapes:
-        """Return logarithms of shapes to start from, given the range of speeds in mm/s."""
-        low, high = self.bounds(speeds)[:, 0]
+    def starts(self, bounds: Float[np.ndarray, "2 h"]) -> Shapes:
+        """Return logarithms of shapes to start from, given those of `bounds`."""
+        low, high = bounds[:, 0]
         count = max(4, 1 + int((high - low) / np.log(_RATIO)))
         grid = np.linspace(low, high, count)[1:-1]
         if self.exponent is not None:
             return grid[:, None]
         return np.stack(np.meshgrid(grid, np.log(_EXPONENTS)), axis=-1).reshape(-1, 2)
 
-    def bounds(self, speeds: tuple[float, float]) -> Float[np.ndarray, "2 h"]:
-        velocity = np.array([0.5 * speeds[0], 2.0 * speeds[1]])
+    def bounds(self, speed: Trace) -> Float[np.ndarray, "2 h"]:
+        """See `AbstractStructure`; a thousandth of the samples may be slower."""
+        speeds = speed[speed > 0]
+        velocity = np.array([0.5 * quantile(speeds, 0.001), 2.0 * speeds.max()])
         ranges = [velocity, np.array(_EXPONENT_RANGE)][: len(self.shapes)]
         return np.asarray(np.log(np.stack(ranges, axis=1)))
 
@@ -308,12 +310,6 @@ class KnotTable(AbstractStructure):
         nodes = Setpoints(np.asarray(self.knots))
         tables = [FrictionTable(nodes, row) for row in factors]
         return tables[0] if len(tables) == 1 else DirectionalTable(*tables)
-
-
-def range_of(speed: Trace) -> tuple[float, float]:
-    """Return the slowest speed, but for a thousandth of the samples, and the fastest."""
-    speeds = speed[speed > 0]
-    return quantile(speeds, 0.001), float(speeds.max())
 
 
 def default_knots(speed: Trace, count: int) -> tuple[float, ...]:

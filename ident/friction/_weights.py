@@ -77,7 +77,7 @@ class Weights:
         knots, fixed = np.asarray(free.recording.knots), len(free.fixed_names)
         velocity = np.concatenate([knots, -knots])
         # Factors of the free table, which has no offset, for each factor of the law.
-        starts = structure.starts(equation.recording.speed_range)
+        starts = structure.starts(equation.bounds)
         columns = structure.columns(velocity, starts)
         if "offset" in equation.fixed_names:
             columns = np.concatenate([columns, np.ones_like(columns[:, :, :1])], axis=2)
