@@ -62,7 +62,7 @@ def test_draws(benchmark: BenchmarkFixture, shape: float | None) -> None:
     begin = time.perf_counter()
     for _ in range(DRAWS):
         samples, truth = draw(rng)
-        fit = fit_inverse(samples, Stribeck(exponent=shape), decimate=1)
+        fit = fit_inverse(samples, Stribeck(False, shape), decimate=1, carried=False)
         if shape is None:
             truth["stribeck_shape"] = 2.0
         for name, value in truth.items():
@@ -80,4 +80,4 @@ def test_draws(benchmark: BenchmarkFixture, shape: float | None) -> None:
     found["s_per_fit"] = each
     benchmark.extra_info |= found
     assert all((values < 3).mean() >= WITHIN for values in table.values())
-    benchmark(lambda: fit_inverse(samples, Stribeck(exponent=shape), decimate=1))
+    benchmark(lambda: fit_inverse(samples, Stribeck(False, shape), decimate=1))

@@ -10,7 +10,7 @@ from scipy.signal import find_peaks
 
 from ..core import FitError, one_blas_thread
 from ._equation import Recording, record
-from ._inverse import fit_competing
+from ._inverse import fit_carried
 from ._result import FrictionFit, friction_of
 from ._samples import DriveSamples
 from ._structures import AbstractStructure, CoulombViscous, KnotTable, Stribeck
@@ -214,7 +214,7 @@ def choose_law(
     with one_blas_thread():
         weights = weigh(recording, loss)
         for kind in structures or (*kinds, *tables):
-            fit = fit_competing(weights.free.under(kind), weights)
+            fit = fit_carried(weights.free.under(kind), weights)
             if _wavers(fit):
                 continue
             without, error = _hold_out(fit, window, touched)

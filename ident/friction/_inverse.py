@@ -39,36 +39,30 @@ _WEIGHTS = np.geomspace(1e-2, 1e8, 31)
 
 
 def fit_carried(equation: Equation, weights: Weights) -> FrictionFit:
-    """Return the fit of what the data carry of a law."""
-    directional, missing = equation.structure.directional, dict[str, str]()
-    fit = fit_equation(equation, weights)
-    free = "stribeck_shape" in fit.structure.shapes
-    vague = free and np.sqrt(fit.state_covariance[-1, -1]) > _VAGUE_LOG
-    if free and (vague or fit.at_bound[1]) and _drop_reason(fit) is None:
-        missing["stribeck_shape"] = _ASSUMED
-        gaussian = equation.under(Stribeck(directional, GAUSS))
-        fit = dataclasses.replace(fit_equation(gaussian, weights), assumed=True)
-    reason = _drop_reason(fit)
-    if reason is not None:
-        names = [name for name in fit.structure.names if name.startswith("drop")]
-        names = [name.replace("drop", "breakaway") for name in names]
-        missing |= dict.fromkeys([*names, *equation.structure.shapes], reason)
-        fit = fit_equation(equation.under(CoulombViscous(directional)), weights)
-    return dataclasses.replace(fit, missing=missing) if missing else fit
-
-
-def fit_competing(equation: Equation, weights: Weights) -> FrictionFit:
-    """Return what `fit_carried` does, of a law that competes with others.
+    """Return the fit of what the data carry of a law.
 
     An exponent is `GAUSS` unless the data ask for another one: where they do not, a free one
     follows the noise.
     """
-    if len(equation.structure.shapes) > 1:
-        gaussian = Stribeck(equation.structure.directional, GAUSS)
-        fit = fit_equation(equation.under(gaussian), weights)
-        if _drop_reason(fit) is None and not _not_gauss(fit, equation, weights):
-            return dataclasses.replace(fit, assumed=True)
-    return fit_carried(equation, weights)
+    structure, missing = equation.structure, dict[str, str]()
+    free = len(structure.shapes) > 1
+    first = Stribeck(structure.directional, GAUSS) if free else structure
+    fit = fit_equation(equation.under(first), weights)
+    fit = gaussian = dataclasses.replace(fit, assumed=free)
+    if free and (_drop_reason(fit) is not None or _not_gauss(fit, equation, weights)):
+        fit = fit_equation(equation, weights)
+        vague = np.sqrt(fit.state_covariance[-1, -1]) > _VAGUE_LOG
+        if (vague or fit.at_bound[1]) and _drop_reason(fit) is None:
+            missing["stribeck_shape"] = _ASSUMED
+            fit = gaussian
+    reason = _drop_reason(fit)
+    if reason is not None:
+        names = [name for name in fit.structure.names if name.startswith("drop")]
+        names = [name.replace("drop", "breakaway") for name in names]
+        missing |= dict.fromkeys([*names, *structure.shapes], reason)
+        plain = CoulombViscous(structure.directional)
+        fit = fit_equation(equation.under(plain), weights)
+    return dataclasses.replace(fit, missing=missing) if missing else fit
 
 
 def _not_gauss(fit: FrictionFit, free: Equation, weights: Weights) -> bool:

@@ -3,7 +3,7 @@
 from axcomp.ident.core import one_blas_thread
 from axcomp.ident.friction import DriveSamples, FrictionFit, Stribeck
 from axcomp.ident.friction._equation import Equation, record
-from axcomp.ident.friction._inverse import fit_carried
+from axcomp.ident.friction._inverse import fit_carried, fit_equation
 from axcomp.ident.friction._structures import AbstractStructure
 from axcomp.ident.friction._weights import weigh
 
@@ -46,8 +46,13 @@ def fit_inverse(
     inertia: float | None = None,
     loss: str = "trim",
     decimate: int | None = None,
+    carried: bool = True,
 ) -> FrictionFit:
-    """Return what `choose_law` fits of one kind of law, without windows held out."""
+    """Return what `choose_law` fits of one kind of law, without windows held out.
+
+    Not ``carried``: all of the law, whatever the rows say of its drop and exponent.
+    """
     recording = record(samples, inertia, decimate)
     equation = Equation(recording, structure or Stribeck())
-    return fit_carried(equation, weigh(recording, loss))
+    fit = fit_carried if carried else fit_equation
+    return fit(equation, weigh(recording, loss))

@@ -17,7 +17,7 @@ from axcomp.ident.friction import (
     default_knots,
 )
 from axcomp.ident.friction._equation import Equation, record
-from axcomp.ident.friction._inverse import fit_competing
+from axcomp.ident.friction._inverse import fit_carried
 from axcomp.ident.friction._weights import weigh
 from axcomp.models import StribeckFriction
 
@@ -94,7 +94,10 @@ def test_truth_lies_within_the_reported_errors(shape: float | None) -> None:
     ratios = []
     for seed in range(25):
         fit = fit_inverse(
-            recording(seed, 0.1, 0.01), Stribeck(exponent=shape), decimate=1
+            recording(seed, 0.1, 0.01),
+            Stribeck(False, shape),
+            decimate=1,
+            carried=False,
         )
         names = [name for name in TRUTH if name not in fit.undetermined]
         assert len(names) == len(TRUTH)
@@ -127,7 +130,7 @@ def test_deviations_count_an_exponent_that_is_assumed() -> None:
         # A contest of laws takes an exponent of 2 unless the rows ask for another one.
         contest = record(seen, None, None)
         equation, weights = Equation(contest, Stribeck()), weigh(contest, "trim")
-        fit = fit_competing(equation, weights)
+        fit = fit_carried(equation, weights)
         assert fit.structure == Stribeck(exponent=2.0)
         known = fit_inverse(seen, fit.structure)
         gap = abs(fit.parameters["breakaway"] - TRUTH["breakaway"])
