@@ -17,9 +17,9 @@ from scipy.optimize import least_squares
 
 from ..core import FitError, rooted
 from ._equation import Equation, in_line
-from ._result import OTHER, FrictionFit, lag_of, score_covariance
+from ._result import FrictionFit, lag_of
 from ._structures import GAUSS, CoulombViscous, Shape, Stribeck
-from ._weights import Rows, View, Weights, orthonormal, ridged
+from ._weights import Rows, View, Weights, orthonormal
 
 _DROP = 3.0
 """Standard deviations that a drop must show to be one."""
@@ -49,7 +49,7 @@ def fit_carried(equation: Equation, weights: Weights) -> FrictionFit:
     first = Stribeck(structure.directional, GAUSS) if free else structure
     fit = fit_equation(equation.under(first), weights)
     fit = gaussian = dataclasses.replace(fit, assumed=free)
-    if free and (_drop_reason(fit) is not None or _not_gauss(fit, equation, weights)):
+    if free and (_drop_reason(fit) is not None or fit.asks_for_exponent):
         fit = fit_equation(equation, weights)
         vague = np.sqrt(fit.state_covariance[-1, -1]) > _VAGUE_LOG
         if (vague or fit.at_bound[1]) and _drop_reason(fit) is None:
@@ -63,21 +63,6 @@ def fit_carried(equation: Equation, weights: Weights) -> FrictionFit:
         plain = CoulombViscous(structure.directional)
         fit = fit_equation(equation.under(plain), weights)
     return dataclasses.replace(fit, missing=missing) if missing else fit
-
-
-def _not_gauss(fit: FrictionFit, free: Equation, weights: Weights) -> bool:
-    """Return whether the rows ask for another exponent than `GAUSS`, that of a fit (score test).
-
-    ``free`` is the equation of the law with any exponent.
-    """
-    shape = np.append(fit.shape, np.log(GAUSS))
-    columns = np.hstack([fit.rows.right, free.slopes(shape, fit.state)[:, -1:]])
-    rows = View(free, weights, shape).rows(columns)
-    # What each row adds to the next step of the exponent.
-    influence = rows.left @ ridged(rows.sums[:, :-1], np.eye(columns.shape[1])[-1])
-    scores = (influence * fit.error)[:, None]
-    spread = score_covariance(scores, free.recording.piece)[0, 0]
-    return bool(scores.sum() ** 2 > OTHER**2 * spread)
 
 
 def _drop_reason(fit: FrictionFit) -> str | None:
@@ -127,11 +112,8 @@ def fit_equation(equation: Equation, weights: Weights) -> FrictionFit:
             f"expected more than the {linear + shapes} parameters."
         )
         raise FitError(msg)
-    shape, converged = np.zeros(0), True
-    if shapes:
-        shape = weights.start(equation)
-        shape, converged = _search(equation, View(equation, weights, shape), shape)
-    view, columns = View(equation, weights, shape), equation.columns(shape)
+    shape, converged = _search(equation, weights) if shapes else (np.zeros(0), True)
+    view, columns = View(equation, weights.share, shape), equation.columns(shape)
     rows, prior = view.rows(columns), equation.penalty
     if structure.parametric:
         root, _ = rooted(rows.sums[:, :-1])
@@ -155,8 +137,10 @@ def fit_equation(equation: Equation, weights: Weights) -> FrictionFit:
     )
 
 
-def _search(equation: Equation, view: View, begin: Shape) -> tuple[Shape, bool]:
+def _search(equation: Equation, weights: Weights) -> tuple[Shape, bool]:
     """Return the logarithms of the shape that leave the least, and whether the search ended."""
+    begin = weights.start(equation)
+    view = View(equation, weights.share, begin)
     basis = orthonormal(view.root * equation.unbent)
 
     def projected(columns: np.ndarray) -> np.ndarray:

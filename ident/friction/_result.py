@@ -14,7 +14,7 @@ from ..core import rooted
 from ._equation import Equation
 from ._samples import Trace
 from ._structures import GAUSS, SUFFIXES, AbstractStructure, Shape, Stribeck
-from ._weights import Rows
+from ._weights import Rows, View, ridged
 
 _ONE_WAY = "no motion in this direction was recorded"
 _LEVEL = "only its sum with a constant load is seen"
@@ -190,23 +190,25 @@ class FrictionFit:
         return result
 
     @cached_property
-    def _by_exponent(self) -> Float[np.ndarray, "m m"]:
-        """What an exponent that is assumed adds to ``state_covariance``.
+    def _exponent(self) -> tuple[Float[np.ndarray, " m"], float, float]:
+        """How ``state`` and ``shape`` follow an exponent that is none of `GAUSS`.
 
-        It is as uncertain as `_EXPONENTS`, or as far off as it may be without being asked for
-        (`OTHER`) where that is less; the other parameters follow it as they would in a fit.
+        And the step of its logarithm that the rows ask for, and the variance of this step.
         """
-        if not self.assumed or self.given is not None:
-            return np.zeros_like(self.normal)
         free = self.equation.under(Stribeck(self.structure.directional))
-        column = free.slopes(np.append(self.shape, np.log(GAUSS)), self.state)[:, -1]
-        root = self._root
-        follow = -root @ (root.T @ (self.rows.left.T @ column))
-        seen = self.share * (column + self.rows.right @ follow)
-        scores = (seen * self.error)[:, None]
-        scatter = score_covariance(scores, self.equation.recording.piece)[0, 0]
-        told = float(seen @ column) ** 2 / max(float(scatter), np.finfo(float).tiny)
-        return np.outer(follow, follow) / (_EXPONENTS**-2 + told / OTHER**2)
+        shape = np.append(self.shape, np.log(GAUSS))
+        column = free.slopes(shape, self.state)[:, -1:]
+        rows = View(free, self.share, shape).rows(np.hstack([self.rows.right, column]))
+        inverse = ridged(rows.sums[:, :-1], np.eye(rows.right.shape[1])[-1])
+        steps = rows.left @ inverse * self.error  # what each row adds
+        variance = score_covariance(steps[:, None], self.equation.recording.piece)[0, 0]
+        return inverse[:-1] / inverse[-1], float(steps.sum()), float(variance)
+
+    @property
+    def asks_for_exponent(self) -> bool:
+        """Whether the rows ask for an exponent other than the assumed one (score test)."""
+        _, step, variance = self._exponent
+        return step**2 > OTHER**2 * variance
 
     @cached_property
     def parameters(self) -> dict[str, float]:
@@ -222,7 +224,13 @@ class FrictionFit:
     @cached_property
     def standard_deviations(self) -> dict[str, float]:
         """Of the same."""
-        inner = self.state_covariance + self._by_exponent
+        inner = self.state_covariance
+        if self.assumed and self.given is None:
+            # An exponent is as uncertain as `_EXPONENTS`, or as far off as it may be without
+            # being asked for where that is less; the others follow it as in a fit.
+            follow, _, variance = self._exponent
+            precision = _EXPONENTS**-2 + 1.0 / max(OTHER**2 * variance, 1e-300)
+            inner = inner + np.outer(follow, follow) / precision
         variances = np.diag(self._jacobian @ inner @ self._jacobian.T)
         return {
             name: float(np.sqrt(variance))

@@ -94,9 +94,11 @@ class Weights:
 class View:
     """How the rows of an equation are seen: weighted, and through a noise-free motion."""
 
-    def __init__(self, equation: Equation, weights: Weights, shape: Shape) -> None:
+    def __init__(
+        self, equation: Equation, share: Float[np.ndarray, " s"], shape: Shape
+    ) -> None:
         self.equation = equation
-        self.share, self._basis = weights.share[:, None], None
+        self.share, self._basis = share[:, None], None
         self.root = np.sqrt(self.share)
         free = equation.recording.noise_free
         if free is not None:

@@ -398,7 +398,8 @@ def test_friction_that_does_not_settle_fails_its_gate(
 ) -> None:
     # The search for the shape of the law ends where it begins.
     monkeypatch.setattr(
-        "axcomp.ident.friction._inverse._search", lambda *given: (given[-1], False)
+        "axcomp.ident.friction._inverse._search",
+        lambda equation, weights: (weights.start(equation), False),
     )
     (tmp_path / "trace.csv").write_bytes((done[0] / "trace.csv").read_bytes())
     found = friction(run(tmp_path))
