@@ -10,19 +10,14 @@ cannot tell apart, and what stays), `_discover` (the whole, for an axis and a dr
 """
 
 from ._data import (
-    AxisSummary as AxisSummary,
     DiscoverError as DiscoverError,
     Discovery as Discovery,
-    Drift as Drift,
     Found as Found,
     Observed as Observed,
-    Rejected as Rejected,
-    Unexplained as Unexplained,
     stack as stack,
 )
 from ._discover import discover as discover
 from ._unexplained import (
-    AgainstDrift as AgainstDrift,
     against_drift as against_drift,
     heat_or_drift as heat_or_drift,
 )

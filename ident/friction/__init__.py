@@ -23,9 +23,7 @@ from ._result import FrictionFit as FrictionFit, friction_of as friction_of
 from ._reversal import ReversalFit as ReversalFit, fit_reversal as fit_reversal
 from ._samples import DriveSamples as DriveSamples
 from ._structures import (
-    AbstractStructure as AbstractStructure,
     CoulombViscous as CoulombViscous,
-    DirectionalTable as DirectionalTable,
     KnotTable as KnotTable,
     Stribeck as Stribeck,
     default_knots as default_knots,
