@@ -1,7 +1,7 @@
 """A fitted law: what the rows say of it, how far each number is known, and what is not told."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 from typing import final
 
@@ -108,8 +108,8 @@ class FrictionFit:
     @property
     def relative_error(self) -> float:
         """RMS of the residual over RMS of the load, over all rows in motion."""
-        load = self.equation.recording.load_size
-        return float(np.linalg.norm(self.residual) / np.sqrt(len(self.residual))) / load
+        size = float(np.sqrt(np.mean(self.residual**2)))
+        return size / self.equation.recording.load_size
 
     @property
     def count(self) -> int:
@@ -133,11 +133,6 @@ class FrictionFit:
         return values.get("inertia", self.inertia or 0.0), values["offset"]
 
     @cached_property
-    def _root(self) -> Float[np.ndarray, "m r"]:
-        """Root of the inverse of the precision, of the directions that the rows tell."""
-        return rooted(self.normal + self.prior)[0]
-
-    @cached_property
     def state_covariance(self) -> Float[np.ndarray, "m m"]:
         """Of ``state`` and ``shape`` together, directions without information left out.
 
@@ -148,7 +143,8 @@ class FrictionFit:
         if self.given is not None:
             return self.given
         rows, normal, prior = self.rows.left, self.normal, self.prior
-        inverse = self._root @ self._root.T
+        root, _ = rooted(normal + prior)
+        inverse = root @ root.T
         leverage = np.einsum("sk,sk->s", rows @ inverse, self.rows.right)
         inflated = self.error / np.clip(1.0 - leverage, 1.0 - _LARGEST_LEVERAGE, 1.0)
         freedom = max(self.count - len(inverse), 1)
@@ -215,11 +211,7 @@ class FrictionFit:
         """Those determined or known, by name, in drive units over mm/s and mm/s²."""
         values = [*self.equation.reading[1] @ self.state, *np.exp(self.shape)]
         known = {} if self.inertia is None else {"inertia": self.inertia}
-        return {
-            name: float(value)
-            for name, value in zip(self.names, values, strict=True)
-            if name not in self.undetermined
-        } | known
+        return self._determined(values) | known
 
     @cached_property
     def standard_deviations(self) -> dict[str, float]:
@@ -231,12 +223,14 @@ class FrictionFit:
             follow, _, variance = self._exponent
             precision = _EXPONENTS**-2 + 1.0 / max(OTHER**2 * variance, 1e-300)
             inner = inner + np.outer(follow, follow) / precision
-        variances = np.diag(self._jacobian @ inner @ self._jacobian.T)
-        return {
-            name: float(np.sqrt(variance))
-            for name, variance in zip(self.names, variances, strict=True)
-            if name not in self.undetermined
-        }
+        return self._determined(
+            np.sqrt(np.diag(self._jacobian @ inner @ self._jacobian.T))
+        )
+
+    def _determined(self, numbers: Iterable[float]) -> dict[str, float]:
+        """Return numbers of parameters by name, of those that are determined."""
+        named = zip(self.names, numbers, strict=True)
+        return {name: float(x) for name, x in named if name not in self.undetermined}
 
     @cached_property
     def undetermined(self) -> dict[str, str]:

@@ -64,15 +64,14 @@ class Weights:
     free: Equation
 
     @cached_property
-    def free_rows(self) -> Rows:
-        """Rows of the free table."""
-        columns = self.free.unbent
-        target = self.free.recording.target
-        return Rows(self.share[:, None] * columns, columns, target)
+    def free_sums(self) -> Float[np.ndarray, "k k1"]:
+        """Sums of all rows of the free table."""
+        columns, target = self.free.unbent, self.free.recording.target
+        return Rows(self.share[:, None] * columns, columns, target).sums
 
     def start(self, equation: Equation) -> Shape:
         """Return the start of a law's shape that leaves the least, as the free table sees it."""
-        structure, free, free_sums = equation.structure, self.free, self.free_rows.sums
+        structure, free = equation.structure, self.free
         assert isinstance(structure, Stribeck)
         knots, fixed = np.asarray(free.recording.knots), len(free.fixed_names)
         velocity = np.concatenate([knots, -knots])
@@ -81,10 +80,10 @@ class Weights:
         columns = structure.columns(velocity, starts)
         if "offset" in equation.fixed_names:
             columns = np.concatenate([columns, np.ones_like(columns[:, :, :1])], axis=2)
-        laws = np.zeros((len(starts), len(free_sums), fixed + columns.shape[2]))
+        laws = np.zeros((len(starts), len(self.free_sums), fixed + columns.shape[2]))
         laws[:, :fixed, :fixed] = np.eye(fixed)
         laws[:, fixed:, fixed:] = np.sign(velocity)[:, None] * columns
-        sums = np.swapaxes(laws, 1, 2) @ free_sums
+        sums = np.swapaxes(laws, 1, 2) @ self.free_sums
         factors = ridged(sums[:, :, :-1] @ laws, sums[:, :, -1])
         gains = np.einsum("nk,nk->n", sums[:, :, -1], factors)
         return np.asarray(starts[np.argmax(gains)])
