@@ -78,20 +78,20 @@ class Choice:
     candidates: tuple[Candidate, ...]
     window: Int[np.ndarray, " t"]
 
-    @cached_property
-    def best(self) -> int:
-        """Place of the smallest error held out."""
-        return int(np.argmin([rival.error for rival in self.candidates]))
+    @property
+    def best(self) -> Candidate:
+        """That with the smallest error held out."""
+        return min(self.candidates, key=lambda rival: rival.error)
 
     @cached_property
-    def chosen(self) -> int:
-        """Place of the simplest that is as good as the best."""
-        return self.candidates.index(_simplest(self.candidates))
+    def chosen(self) -> Candidate:
+        """The simplest that is as good as the best."""
+        return _simplest(self.candidates)
 
     @property
     def fit(self) -> FrictionFit:
         """The chosen law, fitted to the whole recording."""
-        return self.candidates[self.chosen].fit
+        return self.chosen.fit
 
     @property
     def law(self) -> FrictionFit:
@@ -102,11 +102,6 @@ class Choice:
     def parametric(self) -> list[Candidate]:
         """Those whose parameters have a meaning of their own."""
         return [rival for rival in self.candidates if rival.structure.parametric]
-
-    @property
-    def without(self) -> tuple[FrictionFit, ...]:
-        """The chosen law fitted without each window."""
-        return self.candidates[self.chosen].without
 
     def deviation(
         self,
@@ -147,7 +142,7 @@ class Choice:
         slopes = read(fit.slopes(velocity))
         noise = ((slopes @ fit.law_covariance) * slopes).sum(axis=-1)
         variance = np.maximum(noise, spread) + lines
-        total, best, counted = 1.0, self.candidates[self.best], {fit.structure}
+        total, best, counted = 1.0, self.best, {fit.structure}
         for rival in self.candidates:
             law, count = rival.fit, len(rival.window_error)
             share = (1 + max(rival.worse(best), 0) ** 2 / (count - 1)) ** (-count / 2)

@@ -82,7 +82,7 @@ def identify(recording: DriveRecording, spec: Spec, cycle_time: float) -> Identi
         current = samples.current + reversal.missing
         samples = dataclasses.replace(samples, current=current)
     choice = choose_law(samples, inertia=inertia, loss=loss)
-    output, without = None, choice.without
+    output, without = None, choice.chosen.without
     if spec.method == "output_error":
         # A table cannot be simulated sample by sample; the law in words can.
         kept = tuple(spec.constraints)

@@ -244,9 +244,9 @@ class FrictionResult(AbstractResult):
                     "held_out": candidate.error,
                     "standard_error": candidate.standard_error,
                     "fitted": candidate.fitted_error,
-                    "chosen": place == result.choice.chosen,
+                    "chosen": candidate is result.choice.chosen,
                 }
-                for place, candidate in enumerate(result.choice.candidates)
+                for candidate in result.choice.candidates
             ],
             "free_run": None if result.output is None else result.output.free_run,
             "circle": circle,
@@ -267,13 +267,13 @@ def _law(fit: FrictionFit) -> dict[str, Any]:
 
 def choice_sentence(choice: Choice) -> str:
     """Return which law was chosen and why."""
-    law, best = (choice.candidates[place] for place in (choice.chosen, choice.best))
+    law, best = choice.chosen, choice.best
     low, high = law.window_error.min(), law.window_error.max()
     text = (
         f"{law.structure.words}: force error {100 * law.error:.2f} % on {len(law.window_error)} "
         f"windows held out in turn ({100 * low:.2f} to {100 * high:.2f} %)"
     )
-    if choice.chosen == choice.best:
+    if law is best:
         return f"{text}, the smallest of all."
     return (
         f"{text}; {best.structure.words} has {100 * best.error:.2f} %, which is not "

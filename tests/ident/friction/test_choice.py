@@ -69,10 +69,10 @@ def test_simplest_law_that_predicts_is_chosen() -> None:
         Stribeck(),
         KnotTable(False, default_knots(np.abs(samples.velocity), 20)),
     ]
-    assert choose_law(samples, kinds).chosen == 2
+    assert choose_law(samples, kinds).chosen.structure == Stribeck(exponent=2.0)
     speed = np.abs(samples.velocity)
     plain = np.sign(samples.velocity) * (2.0 + 0.004 * speed) + 0.3
-    assert choose_law(recording(plain), kinds).chosen == 0
+    assert choose_law(recording(plain), kinds).chosen.structure == kinds[0]
 
 
 def test_an_exponent_is_fitted_only_where_the_data_ask_for_it() -> None:
@@ -139,7 +139,7 @@ def test_deviations_know_that_the_law_is_none_of_the_kinds() -> None:
         choice = choose_law(recording(np.sign(samples.velocity) * level, noise=0.03))
         found, slopes = choice.fit.friction(speed), choice.fit.slopes(speed)
         noise = np.sqrt((slopes @ choice.fit.law_covariance * slopes).sum(axis=1))
-        own = choice.deviation(choice.fit, choice.without, speed, np.asarray)
+        own = choice.deviation(choice.fit, choice.chosen.without, speed, np.asarray)
         off = np.abs(found - 1.5 - 0.3 * speed**exponent)
         inside.append((off <= 2 * own).mean())
         plain.append((off <= 2 * noise).mean())
@@ -171,10 +171,10 @@ def test_a_window_has_next_to_no_say_in_its_own_prediction() -> None:
     )
     other = choose_law(wild, [Stribeck()])
     speed = np.geomspace(2.0, 190.0, 50)
-    kept, moved = (each.without[4].friction(speed) for each in (choice, other))
+    kept, moved = (each.chosen.without[4].friction(speed) for each in (choice, other))
     # Only which rows are wild is what all rows say.
     np.testing.assert_allclose(moved, kept, rtol=5e-3)
-    assert np.abs(other.without[3].friction(speed) - kept).max() < 0.1
+    assert np.abs(other.chosen.without[3].friction(speed) - kept).max() < 0.1
 
 
 def test_thinned_rows_are_those_of_a_convolution() -> None:
@@ -240,7 +240,7 @@ def test_emps_inverse_fit_agrees_with_the_published_parameters() -> None:
 def test_emps_windows_held_out_are_predicted_per_direction() -> None:
     samples = emps()
     choice = choose_law(samples)
-    chosen = choice.candidates[choice.chosen]
+    chosen = choice.chosen
     assert chosen.structure.directional
     windows = chosen.window_error
     assert windows.min() < chosen.error < windows.max()
