@@ -115,10 +115,7 @@ def fit_output_error(
 
 
 def laws_held_out(
-    fit: OutputErrorFit,
-    samples: DriveSamples,
-    window: Int[np.ndarray, " t"],
-    loss: str = "trim",
+    fit: OutputErrorFit, window: Int[np.ndarray, " t"], loss: str = "trim"
 ) -> tuple[FrictionFit, ...]:
     """Return the drive found by output error without each window: `state` and `shape` alone.
 
@@ -127,7 +124,6 @@ def laws_held_out(
 
     Args:
         fit: The drive found in the whole recording.
-        samples: The recording.
         window: Of each sample, from 0.
         loss: Of the inverse fits, as for `choose_law`.
     """
@@ -138,11 +134,9 @@ def laws_held_out(
     for number in range(int(window.max()) + 1):
         rows, law = window != number, whole
         try:
-            rest = record(samples.take(rows), whole.inertia, factor)
+            rest = record(fit.task.samples.take(rows), whole.inertia, factor)
             guess = fit_equation(Equation(rest, whole.structure), weigh(rest, loss))
-            task = dataclasses.replace(
-                fit.task, guess=guess, samples=samples, rows=rows, solver=solver
-            )
+            task = dataclasses.replace(fit.task, guess=guess, rows=rows, solver=solver)
             # Of many bottoms along the valley, one that is no worse than that of all.
             starts = task.guessed, dataclasses.replace(task, guess=whole).guessed
             other = task.fit(min(starts, key=task.misfit)).friction

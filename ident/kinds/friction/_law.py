@@ -89,7 +89,7 @@ def identify(recording: DriveRecording, spec: Spec, cycle_time: float) -> Identi
         output = fit_output_error(
             choice.law, samples, solver=spec.solver, constraints=kept
         )
-        without = laws_held_out(output, samples, choice.window, loss)
+        without = laws_held_out(output, choice.window, loss)
     return Identified(choice, output, reversal, without, tuple(remarks))
 
 
