@@ -45,10 +45,10 @@ class Recording:
     @cached_property
     def noise_free(self) -> "Recording | None":
         """The same of the motion free of noise, where one stands beside the measured one."""
-        samples, fine = self.samples, self.samples.instrument_velocity
-        if fine is None:
+        samples = self.samples
+        fine, push = samples.instrument_velocity, samples.instrument_acceleration
+        if fine is None or push is None:
             return None
-        push = samples.instrument_acceleration
         samples = dataclasses.replace(samples, velocity=fine, acceleration=push)
         return dataclasses.replace(self, samples=samples)
 
@@ -96,7 +96,7 @@ class Recording:
     @cached_property
     def target(self) -> Float[np.ndarray, " s"]:
         """The load without that of a known inertia, filtered."""
-        if self.inertia is None or self.samples.acceleration is None:
+        if self.inertia is None:
             return self.load
         force = self.inertia * self.samples.acceleration
         return np.asarray(self.load - self.filtered(force))
@@ -133,11 +133,8 @@ class Recording:
     @cached_property
     def beside(self) -> Float[np.ndarray, "s f"]:
         """Acceleration, a constant load, and further loads."""
-        samples, ones = self.samples, np.ones(len(self.samples.time))
-        inertial = ones if samples.acceleration is None else samples.acceleration
-        return self.filtered(
-            np.stack([inertial, ones, *samples.loads.values()], axis=1)
-        )
+        loads = np.ones(len(self.samples.time)), *self.samples.loads.values()
+        return self.filtered(np.stack([self.samples.acceleration, *loads], axis=1))
 
     def by_direction(
         self, structure: AbstractStructure, profile: Float[np.ndarray, "t k"]
@@ -166,9 +163,9 @@ class Equation:
 
         Per direction the offset has none: it could not be told from a difference of levels.
         """
-        samples, known = self.recording.samples, self.recording.inertia is not None
-        names = ("inertia",) * (samples.acceleration is not None and not known)
-        return (*names, *("offset",) * (not self.structure.directional), *samples.loads)
+        inertia = ("inertia",) * (self.recording.inertia is None)
+        offset = ("offset",) * (not self.structure.directional)
+        return (*inertia, *offset, *self.recording.samples.loads)
 
     @cached_property
     def bounds(self) -> Float[np.ndarray, "2 h"]:

@@ -189,8 +189,6 @@ class _Task:
             )
         elif samples.position is None:
             msg = "output error: the recording holds no positions."
-        elif guess.inertia is None and samples.acceleration is None:
-            msg = "output error: expected a known inertia, or accelerations to start from."
         if msg:
             raise FitError(msg)
 

@@ -32,8 +32,8 @@ class DriveSamples:
     Attributes:
         time: In s, ascending; where it jumps, a new piece begins.
         velocity: In mm/s, as smoothed as its noise asks for.
-        acceleration: In mm/s², from the same filter; None for motion without it.
         current: In drive units, positive where the drive pushes in positive direction.
+        acceleration: In mm/s², from the same filter as the velocity.
         instrument_velocity: A velocity free of measurement noise that moves alike, such as the
             commanded one, in mm/s.
         instrument_acceleration: Likewise in mm/s².
@@ -47,7 +47,7 @@ class DriveSamples:
     time: Trace
     velocity: Trace
     current: Trace
-    acceleration: Trace | None = None
+    acceleration: Trace
     instrument_velocity: Trace | None = None
     instrument_acceleration: Trace | None = None
     loads: Mapping[str, Trace] = dataclasses.field(default_factory=dict)
@@ -126,7 +126,7 @@ def check_samples(samples: DriveSamples) -> None:
             f"sample {row + 1}: the clock goes from {samples.time[row - 1]:.6g} s to "
             f"{samples.time[row]:.6g} s, expected ascending times: record them with more digits."
         )
-    elif (speed is None) != (acceleration is None) and samples.acceleration is not None:
+    elif (speed is None) != (acceleration is None):
         msg = "instruments: expected both velocity and acceleration, found one of them."
     elif not speeds.any():
         msg = "the axis does not move in this recording: nothing is known of friction."

@@ -73,25 +73,24 @@ def changes(
     # a speed shows beside it stands in columns of its own.
     columns += [law, np.sign(speed), speed / np.abs(speed).max()]
     current = samples.current[rows + late]
-    if samples.acceleration is not None:
-        # Not as a column: a noisy acceleration shows too small an inertia, and the place, which
-        # goes with it where an axis goes to and fro, would take the rest.
-        window = max(round(_LATE / samples.cycle), 1)
-        quiet = uniform_filter1d(samples.acceleration, window)[rows]
-        other = _other_inertia(samples, friction, inertia, window) if stated else 0.0
-        if other:
-            yield Remark.warning(
-                f"The recording shows an inertia of about {inertia + other:.3g} {unit} per"
-                f" {samples.unit}/s², where the job states {inertia:.3g}: what it does not"
-                " explain is taken for friction. Leave inertia out, or correct it."
-            )
-        current = current - (inertia + other) * samples.acceleration[rows]
-        if travel > 0.0 and -np.corrcoef(quiet, place)[0, 1] > _ONE_SINE:
-            yield Remark.info(
-                "The axis went to and fro as a single sine, whose acceleration goes with the"
-                " position: what a spring or a cable does is in the inertia. Record several"
-                " speeds, or other ways, to tell them apart."
-            )
+    # Not as a column: a noisy acceleration shows too small an inertia, and the place, which
+    # goes with it where an axis goes to and fro, would take the rest.
+    window = max(round(_LATE / samples.cycle), 1)
+    quiet = uniform_filter1d(samples.acceleration, window)[rows]
+    other = _other_inertia(samples, friction, inertia, window) if stated else 0.0
+    if other:
+        yield Remark.warning(
+            f"The recording shows an inertia of about {inertia + other:.3g} {unit} per"
+            f" {samples.unit}/s², where the job states {inertia:.3g}: what it does not"
+            " explain is taken for friction. Leave inertia out, or correct it."
+        )
+    current = current - (inertia + other) * samples.acceleration[rows]
+    if travel > 0.0 and -np.corrcoef(quiet, place)[0, 1] > _ONE_SINE:
+        yield Remark.info(
+            "The axis went to and fro as a single sine, whose acceleration goes with the"
+            " position: what a spring or a cable does is in the inertia. Record several"
+            " speeds, or other ways, to tell them apart."
+        )
     if len(rows) < _ROWS * len(columns):
         return
     # Sums of what the columns and the current have in common, less those of each stretch.
@@ -150,7 +149,6 @@ def _other_inertia(
     window: int,
 ) -> float:
     """Return what means over so many samples show of an inertia beside the known one, or 0."""
-    assert samples.acceleration is not None
     rest = samples.current - friction(samples.velocity) - inertia * samples.acceleration
     whole = uniform_filter1d(samples.in_motion.astype(float), window) > 0.999
     push, rest = (
@@ -172,8 +170,7 @@ def _late(
     # Few readings stand behind a reversal: those of one stretch, and not one in so many.
     rows = np.flatnonzero(samples.in_motion)[:_STRETCH]
     law, most = friction(samples.velocity[rows]), round(_LATE / samples.cycle)
-    if samples.acceleration is not None:
-        law = law + inertia * samples.acceleration[rows]
+    law = law + inertia * samples.acceleration[rows]
     step = max(1, most // _SHIFTS)
     kept = (rows >= most) & (rows < len(samples.time) - most)
     left = {

@@ -99,9 +99,7 @@ def view_of(
     """
     samples, parameters = recording.samples, identified.fit.parameters
     sign, speed = np.sign(samples.velocity), np.abs(samples.velocity)
-    acceleration: np.ndarray | float = 0.0
-    if samples.acceleration is not None:
-        acceleration = samples.acceleration
+    acceleration = samples.acceleration
     friction = samples.current - parameters.get("inertia", 0.0) * acceleration
     window, predicted = identified.choice.window, np.empty(len(speed))
     listed, offset, sound = np.zeros(len(speed)), None, samples.in_motion

@@ -181,7 +181,7 @@ def test_thinned_rows_are_those_of_a_convolution() -> None:
     rng = np.random.default_rng(2)
     piece, columns = np.repeat([0, 1], [300, 257]), rng.normal(size=(557, 3))
     time = 0.01 * np.arange(557) + 3.0 * piece
-    seen = Recording(DriveSamples(time, *columns.T[:2]), None, 5)
+    seen = Recording(DriveSamples(time, *columns.T), None, 5)
     kernel = np.asarray(firwin(101, 1.0 / 5, window="hamming"), np.float64)
     plain = np.stack([np.convolve(each, kernel, "same") for each in columns.T], axis=1)
     # Sums of a hundred products in another order.

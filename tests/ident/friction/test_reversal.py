@@ -179,7 +179,9 @@ def test_jitter_of_a_standing_axis_is_no_reversal() -> None:
 
 def test_motion_in_one_direction_is_refused() -> None:
     position, velocity = np.linspace(0, 10, 100), np.linspace(50.0, 150.0, 100)
-    samples = DriveSamples(CYCLE * np.arange(100), velocity, np.full(100, 2.0))
+    samples = DriveSamples(
+        CYCLE * np.arange(100), velocity, np.full(100, 2.0), np.zeros(100)
+    )
     with pytest.raises(FitError, match="found no reversal"):
         fit_reversal(samples, position, velocity)
 
