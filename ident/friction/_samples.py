@@ -36,7 +36,7 @@ class DriveSamples:
         acceleration: In mm/s², from the same filter as the velocity.
         instrument_velocity: A velocity free of measurement noise that moves alike, such as the
             commanded one, in mm/s.
-        instrument_acceleration: Likewise in mm/s².
+        instrument_acceleration: Likewise in mm/s²; both are there or none.
         loads: Further loads that enter linearly, by name, such as the sine of an arm's angle
             for its weight; any unit.
         moving: Whether the axis moves; left out: faster than a thousandth of the highest speed.
@@ -119,15 +119,12 @@ def check_samples(samples: DriveSamples) -> None:
             raise FitError(msg)
     backward = np.flatnonzero(np.diff(samples.time) <= 0)
     speeds = np.abs(samples.velocity[samples.in_motion])
-    speed, acceleration = samples.instrument_velocity, samples.instrument_acceleration
     if len(backward):
         row = int(backward[0]) + 1
         msg = (
             f"sample {row + 1}: the clock goes from {samples.time[row - 1]:.6g} s to "
             f"{samples.time[row]:.6g} s, expected ascending times: record them with more digits."
         )
-    elif (speed is None) != (acceleration is None):
-        msg = "instruments: expected both velocity and acceleration, found one of them."
     elif not speeds.any():
         msg = "the axis does not move in this recording: nothing is known of friction."
     elif np.ptp(speeds) <= _ONE * speeds.max():
