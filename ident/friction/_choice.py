@@ -163,13 +163,12 @@ def _simplest(rivals: Sequence[Candidate]) -> Candidate:
 
 
 def choose_law(
-    samples: DriveSamples,
-    structures: Sequence[AbstractStructure] | None = None,
-    *,
-    inertia: float | None = None,
-    loss: str = "trim",
+    samples: DriveSamples, *, inertia: float | None = None, loss: str = "trim"
 ) -> Choice:
     """Choose among kinds of law by windows held out (one standard error rule).
+
+    Coulomb + viscous, Stribeck and a table compete, alike in both directions and per
+    direction; not a table that rises and falls again and again.
 
     The recording is cut into stretches of time with equal shares of the motion; each is
     predicted by the law solved on the others. Which rows are wild, and how smooth a table
@@ -179,9 +178,6 @@ def choose_law(
 
     Args:
         samples: The recording.
-        structures: Kinds of law; Coulomb + viscous, Stribeck and a table, alike and per
-            direction, where left out. A table that rises and falls again and again does
-            not compete.
         inertia: In drive units per mm/s², where it is known.
         loss: ``"trim"`` (least squares, wild samples out), ``"student"``, ``"huber"`` or
             ``"gauss"``.
@@ -208,7 +204,7 @@ def choose_law(
 
     with one_blas_thread():
         weights = weigh(recording, loss)
-        for kind in structures or (*kinds, *tables):
+        for kind in (*kinds, *tables):
             fit = fit_carried(weights.free.under(kind), weights)
             if _wavers(fit):
                 continue
