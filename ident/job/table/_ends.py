@@ -18,6 +18,8 @@ _PART = 0.1
 _TOUCHED = 0.25
 """Share of a cell at its end that readings must reach into for the node beyond it to be read."""
 _FOLLOWS = "follows the other direction"
+_SHIFTED = 0.1
+"""Share of the way of all readings by which ends of measurements may differ (remove = "line")."""
 _EMPTY = 0.9
 """Share of the way of all readings that one gap takes where they stand at two places."""
 
@@ -290,6 +292,34 @@ def refuse_small_part(plan: Plan, readings: Readings) -> None:
                 " holds its edge beyond it"
             )
             raise plan.refusal(words)
+
+
+def refuse_other_stretches(plan: Plan, readings: Readings) -> None:
+    """Raise where lines were taken off measurements that go over different stretches.
+
+    Where the error bends, each stretch has another line, and the parts no longer fit.
+    """
+    specs = plan.job.spec.measurements
+    lines = [
+        (name, rows)
+        for name, rows in readings.slices.items()
+        if specs[name].remove == "line" and rows.stop > rows.start
+    ]
+    for master, places in zip(plan.fit.over, readings.positions.T, strict=True):
+        ends = {name: (places[at].min(), places[at].max()) for name, at in lines}
+        apart = np.ptp([*ends.values()], axis=0).max() if ends else 0.0
+        if apart > _SHIFTED * np.ptp(places):
+            stretches = ", ".join(
+                f"{name!r} {low:.6g} to {high:.6g}"
+                for name, (low, high) in ends.items()
+            )
+            reason = (
+                f'found remove = "line" of measurements over different stretches of {master}'
+                f" ({stretches}): where the error bends each has a slope of its own, and what is"
+                f" left of one does not go on in the other. Expected one set-up over all of"
+                f' {master}, or remove = "offset" (or a datum) where the slope is the machine\'s'
+            )
+            raise plan.refusal(reason)
 
 
 def better_nodes(plan: Plan, readings: Readings) -> str:

@@ -31,7 +31,13 @@ from ...readings import Readings, Tables, place_in_run, runs_overlap, without_ze
 from .._draft import AbstractDraft, Leftovers
 from ..result._result import Remark
 from ._draft import TableDraft
-from ._ends import better_nodes, held_beyond, refuse_small_part, two_places
+from ._ends import (
+    better_nodes,
+    held_beyond,
+    refuse_other_stretches,
+    refuse_small_part,
+    two_places,
+)
 from ._log_draft import fit_log
 from ._log_readings import in_pieces
 from ._passes import (
@@ -100,6 +106,7 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
     """
     table, spec, remarks = plan.table, plan.fit, [*remarks]
     refuse_small_part(plan, readings)
+    refuse_other_stretches(plan, readings)
     remarks += two_places(plan, readings)
     readings, owner = with_one_zero(plan, readings)
     remarks += limit_remarks(plan, readings.positions)
@@ -204,6 +211,7 @@ def draft_of_share(plan: Plan, share: "Share") -> TableDraft:
     recording = share.recording
     readings = share.readings(plan.fit.over, plan.table.branches == 2)
     refuse_small_part(plan, readings)
+    refuse_other_stretches(plan, readings)
     branch = plan.branch(readings.direction)
     samples = Samples(readings.positions, readings.error, branch, run=readings.run)
     fit = _fit_of_share(plan, share)

@@ -417,6 +417,24 @@ def test_parts_of_an_axis_have_one_datum_and_the_zeros_of_the_others_are_told(
     assert rest[2] == pytest.approx(error(np.array([100.0]))[0], abs=2e-4)
 
 
+@pytest.mark.parametrize("group", ["", 'group = "X"\n'])
+def test_lines_off_different_stretches_are_refused(tmp_path: Path, group: str) -> None:
+    path = job(tmp_path, dict.fromkeys("ab", "line"), group)
+    path.write_text(path.read_text().replace('run = "run"\n', ""))
+    rng = np.random.default_rng(3)
+    for first in (1, 6):
+        for name, part in (("a", NODES[:-1]), ("b", NODES[first:])):
+            there = np.tile(part, 3)
+            seen = error(there) + 1e-4 * there * (name == "b")
+            seen += 5e-4 * rng.normal(size=len(there))
+            table(tmp_path / f"{name}.csv", "position,error", there, seen)
+        if first == 1:  # a twelfth of the way makes no other stretch
+            run_job(path, tmp_path / "out")
+    words = r"different stretches of X \('a' 0 to 550, 'b' 300 to 600\).*\"offset\""
+    with pytest.raises(JobError, match=words):
+        run_job(path, tmp_path / "out")
+
+
 def test_set_ups_that_stood_at_one_place_each_say_nothing_of_a_cross(
     tmp_path: Path,
 ) -> None:
