@@ -258,6 +258,33 @@ def test_a_large_log_that_only_memory_serves_is_read_into_it_and_said(
     )
 
 
+@pytest.mark.parametrize("zero", ["datum = { at = 200.0 }", 'remove = "offset"'])
+def test_logs_with_zeros_of_their_own_are_read_into_memory(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, zero: str
+) -> None:
+    monkeypatch.setattr("axcomp.data.measurements._large._LEAST", 0)
+    monkeypatch.setattr(_log_readings, "LARGE", 1)
+    rng = np.random.default_rng(6)
+    for name, low in (("log", 0.0), ("other", 160.0)):
+        x = rng.uniform(low, low + 240.0, COUNT)
+        error = 0.1 * x + low + rng.normal(0.0, 1.0, COUNT)
+        log(tmp_path / f"{name}.parquet", x=x, dz=error)
+    path = job(tmp_path, CROSS, '"auto"', measurement=zero)
+    measured, fits, cross = path.read_text().partition("[[fits]]")
+    other = measured[measured.index("[measurements.log]") :].replace("log", "other")
+    cross = cross.replace('measurement = "log"', 'measurements = ["log", "other"]')
+    text = measured + other + fits + cross
+    path.write_text(text.replace('"auto"', "true"))
+    with pytest.raises(JobError, match=r"log\.stream: found true, but only the table"):
+        run_job(path, tmp_path / "out")
+    path.write_text(text)
+    found = run_job(path, tmp_path / "out")
+    assert "in memory, tells the zero of each" in words(found)
+    off = found.tables[0].fit.values - 1e-4 * np.arange(0.0, 401.0, 20.0)
+    # 1100 readings of 1 µm per node; in pieces it took the steps between the zeros.
+    assert np.std(off) < 2e-4
+
+
 def test_a_file_or_a_fit_that_cannot_be_read_in_pieces_is_refused(
     tmp_path: Path,
 ) -> None:

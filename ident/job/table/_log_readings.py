@@ -112,8 +112,8 @@ class LogReadings:
     def parts(self) -> list[Part]:
         """The readings, for a `Stream` on this machine."""
         return [
-            partial(self._pieces, k, part)
-            for k, source in enumerate(self.sources)
+            partial(self._pieces, source, part)
+            for source in self.sources
             for part in self._parts_of(source)
         ]
 
@@ -135,16 +135,16 @@ class LogReadings:
     def _parts_of(self, source: LogSource) -> list[TablePart]:
         return source.file.parts(source.headers, _PARTS, _ROWS)
 
-    def _pieces(self, number: int, part: TablePart) -> Iterator[Samples]:
+    def _pieces(self, source: LogSource, part: TablePart) -> Iterator[Samples]:
         """Return the readings of a part of a log, piece by piece."""
-        return (self._samples(number, table) for table in part.tables())
+        return (self._samples(source, table) for table in part.tables())
 
-    def _samples(self, number: int, table: Table) -> Samples:
+    def _samples(self, source: LogSource, table: Table) -> Samples:
         """Return the readings of a piece."""
-        samples = self._rows(self.sources[number], table)
-        if (zero := self._zeros.get(number)) is None:
+        samples = self._rows(source, table)
+        if self._zero is None:
             return samples
-        error = zero.off(samples.error, samples.positions)
+        error = self._zero.off(samples.error, samples.positions)
         return dataclasses.replace(samples, error=error)
 
     def _rows(self, source: LogSource, table: Table) -> Samples:
@@ -168,26 +168,22 @@ class LogReadings:
         return Samples(positions, error, self.plan.branch(direction))
 
     @cached_property
-    def _zeros(self) -> dict[int, Zero]:
-        """What is to be removed from each log, judged by every n-th reading of it."""
-        zeros = {}
-        for number, source in enumerate(self.sources):
-            kind = self.tables.job.spec.measurements[source.name].remove
-            if kind == "none":
-                continue
-            count = sum(len(piece.error) for piece in self._all_rows(source))
-            step, row = step_of(count), 0
-            errors: list[Float[np.ndarray, " t"]] = []
-            places: list[Float[np.ndarray, "t d"]] = []
-            for part in self._all_rows(source):
-                every = slice(-row % step, None, step)
-                errors.append(part.error[every])
-                places.append(part.positions[every])
-                row += len(part.error)
-            zeros[number] = zero_of(
-                np.concatenate(errors), np.concatenate(places), kind
-            )
-        return zeros
+    def _zero(self) -> Zero | None:
+        """What is to be removed from a log, judged by every n-th reading; of several nothing is."""
+        source = self.sources[0]
+        kind = self.tables.job.spec.measurements[source.name].remove
+        if kind == "none":
+            return None
+        count = sum(len(piece.error) for piece in self._all_rows(source))
+        step, row = step_of(count), 0
+        errors: list[Float[np.ndarray, " t"]] = []
+        places: list[Float[np.ndarray, "t d"]] = []
+        for part in self._all_rows(source):
+            every = slice(-row % step, None, step)
+            errors.append(part.error[every])
+            places.append(part.positions[every])
+            row += len(part.error)
+        return zero_of(np.concatenate(errors), np.concatenate(places), kind)
 
     def _all_rows(self, source: LogSource) -> Iterator[Samples]:
         for part in self._parts_of(source):
@@ -253,9 +249,14 @@ def _obstacles(readings: LogReadings, left: Leftovers) -> Iterator[tuple[str, bo
             continue
         if set(other.sources) & set(fit.sources):
             yield f"the {other.compensation} fit of {fit.axis} shares it", False
-    specs = plan.job.spec.measurements
-    if len({specs[name].remove for name in fit.sources}) > 1:
-        yield "the zero of some of them is arbitrary, and that of others is not", False
+    specs = [plan.job.spec.measurements[name] for name in fit.sources]
+    own = any(spec.remove != "none" or spec.datum is not None for spec in specs)
+    if own and len(specs) > 1:
+        words = (
+            "only the table through all of them, in memory, tells the zero of each"
+            " (remove, datum)"
+        )
+        yield words, False
     for source in readings.sources:
         if f"{fit.axis}.error" not in source.roles and "time" in source.roles:
             words = (
