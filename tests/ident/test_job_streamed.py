@@ -285,6 +285,30 @@ def test_logs_with_zeros_of_their_own_are_read_into_memory(
     assert np.std(off) < 2e-4
 
 
+def test_a_surface_whose_ways_lie_apart_is_read_into_memory(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("axcomp.data.measurements._large._LEAST", 0)
+    monkeypatch.setattr(_log_readings, "LARGE", 1)
+    there, ways = np.linspace(0.0, 400.0, 1_000), (-1) ** np.arange(13)
+    x = np.concatenate([there[::way] for way in ways])
+    y, way = np.repeat([25.0 * np.arange(13.0), ways], 1_000, axis=1)
+    error = 12.0 * np.sin(x / 70.0) * np.cos(y / 60.0) + 3.0 * way
+    error += np.random.default_rng(7).normal(0.0, 1.0, len(x))
+    log(tmp_path / "log.parquet", len(x), x=x, y=y, dz=error)
+    memory, auto = (
+        run_job(job(tmp_path, PLANE, stream), tmp_path / "out").tables[0]
+        for stream in ("false", '"auto"')
+    )
+    # In pieces what differs between the ways became waves of 3 µm from line to line.
+    np.testing.assert_array_equal(auto.fit.values, memory.fit.values)
+    said = [remark.message for remark in auto.remarks]
+    assert any("into memory and not in pieces: readings on the way" in x for x in said)
+    assert any("is the mean of both ways" in x for x in said)
+    with pytest.raises(JobError, match="found true, but readings on the way there and"):
+        run_job(job(tmp_path, PLANE, "true"), tmp_path / "out")
+
+
 def test_a_file_or_a_fit_that_cannot_be_read_in_pieces_is_refused(
     tmp_path: Path,
 ) -> None:

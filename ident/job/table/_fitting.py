@@ -57,6 +57,10 @@ if TYPE_CHECKING:
 
 _DRIFT_NEEDS = 4
 """Readings that every run must have, so that a drift is more than a guess."""
+_APART = (
+    "readings on the way there and back lie apart, which only memory tells from waves of the"
+    " table; where it does not hold them all, fit every n-th row"
+)
 
 
 def fit_planned(plan: Plan, tables: Tables, left: Leftovers) -> AbstractDraft:
@@ -67,6 +71,7 @@ def fit_planned(plan: Plan, tables: Tables, left: Leftovers) -> AbstractDraft:
             and the job does not say whose.
     """
     log, words = in_pieces(tables, plan, left)
+    draft = None
     if log is not None:
         if plan.fit.constraints:
             reason = (
@@ -74,6 +79,9 @@ def fit_planned(plan: Plan, tables: Tables, left: Leftovers) -> AbstractDraft:
             )
             raise plan.job.error(("fits", plan.index, "constraints"), reason)
         draft = fit_log(log)
+        if draft is None:
+            words = (log.into_memory(_APART),)
+    if draft is not None:
         read = draft.readings
         refuse_small_part(plan, read)
         doubts = (
@@ -159,7 +167,7 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
     )
     fit = fit_to(samples)
     if branch is None:
-        samples, apart = of_both_ways(plan, readings, samples, fit)
+        samples, apart = of_both_ways(plan, readings.order, samples, fit)
         remarks += apart
         fit = fit_to(samples) if apart else fit
     fit, alike = as_passes_differ(plan, readings.order, samples, fit)

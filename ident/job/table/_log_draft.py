@@ -22,7 +22,7 @@ from ...readings import Readings, joined
 from ..result._result import STAGES, Remark, largest_wild
 from ._draft import TableDraft
 from ._log_readings import LogReadings
-from ._passes import as_passes_differ
+from ._passes import as_passes_differ, of_both_ways
 from ._remarks import outside
 
 _SHOWN = 20_000
@@ -113,8 +113,10 @@ class FittedLog:
         return np.concatenate(rows)
 
 
-def fit_log(readings: LogReadings) -> TableDraft:
+def fit_log(readings: LogReadings) -> TableDraft | None:
     """Fit the table of a plan to a log.
+
+    None where readings of both ways lie apart, which is taken off in memory only.
 
     Raises:
         FitError: If the readings cannot determine it.
@@ -136,7 +138,11 @@ def fit_log(readings: LogReadings) -> TableDraft:
     at, wild = (samples.positions, samples.branch), streamed.wild_of(samples)
     residual = samples.error - predict(streamed.fit, *at)[0]
     fit = dataclasses.replace(streamed.fit, residual=residual, wild=wild)
-    fit, alike = as_passes_differ(plan, row.astype(float), samples, fit, log.every)
+    order = row.astype(float)
+    surface = samples.branch is None and len(spec.over) > 1
+    if surface and of_both_ways(plan, order, samples, fit)[1]:
+        return None
+    fit, alike = as_passes_differ(plan, order, samples, fit, log.every)
     zero, estimate = plan.zeroed(fit)
     streamed = dataclasses.replace(streamed, fit=fit)
     log = dataclasses.replace(log, streamed=streamed, zero=zero)
@@ -150,7 +156,7 @@ def fit_log(readings: LogReadings) -> TableDraft:
         error=before,
         direction=None if samples.branch is None else 1 - 2 * samples.branch,
         run=None,
-        order=row.astype(float),
+        order=order,
         timed=False,
         slices={},
     )

@@ -20,7 +20,6 @@ from ...readings import (
     zero_of,
 )
 from .._draft import Leftovers
-from ..file._faults import JobError
 from ..result._result import Remark
 from ._plan import Plan
 
@@ -104,6 +103,16 @@ class LogReadings:
     _changes: dict[str, float] = dataclasses.field(default_factory=dict)
 
     @property
+    def names(self) -> str:
+        """The logs, in words."""
+        return ", ".join(repr(source.name) for source in self.sources)
+
+    @property
+    def cells(self) -> int:
+        """Rows × columns used."""
+        return sum(source.file.rows * len(source.headers) for source in self.sources)
+
+    @property
     def has_runs(self) -> bool:
         """Whether some readings belong to another run than others, as far as is known."""
         return len(self.sources) > 1 or any("run" in log.roles for log in self.sources)
@@ -131,6 +140,20 @@ class LogReadings:
             change = self._changes.get(name)
             texts += reference_words(name, spec, fit.axis, fit.lengths, change)
         return tuple(Remark.info(words) for words in texts)
+
+    def into_memory(self, reason: str) -> Remark:
+        """Return that the logs were read into memory, and why.
+
+        Raises:
+            JobError: If the job asks for pieces.
+        """
+        job = self.tables.job
+        for source in self.sources:
+            if job.spec.measurements[source.name].stream is True:
+                key = ("measurements", source.name, "stream")
+                raise job.error(key, f"found true, but {reason}")
+        words = "was read into memory and not in pieces"
+        return Remark.info(f"{self.names} ({self.cells:.3g} cells) {words}: {reason}.")
 
     def _parts_of(self, source: LogSource) -> list[TablePart]:
         return source.file.parts(source.headers, _PARTS, _ROWS)
@@ -202,15 +225,8 @@ def in_pieces(
         JobError: If the job asks for it and it cannot be done.
         MeasurementError: If a file is damaged or a column is missing.
     """
-    fit = plan.fit
-    specs = {name: tables.job.spec.measurements[name] for name in fit.sources}
+    specs = {name: tables.job.spec.measurements[name] for name in plan.fit.sources}
     streamed = [name for name, spec in specs.items() if spec.stream is True]
-    names = ", ".join(map(repr, fit.sources))
-
-    def refusal(why: str) -> JobError:
-        key = ("measurements", streamed[0], "stream")
-        return tables.job.error(key, f"found true, but {why}")
-
     if any(spec.stream is False for spec in specs.values()):
         return None, ()
     sources = list[LogSource]()
@@ -219,22 +235,20 @@ def in_pieces(
         if file is not None:
             sources.append(_source_of(tables, name, file, plan))
         elif streamed:
-            named = spec.file or spec.files
-            words = f"{named} cannot be read in pieces, expected a Parquet or CSV file"
-            raise refusal(words)
-    cells = sum(source.file.rows * len(source.headers) for source in sources)
-    if len(sources) < len(specs) or not (streamed or cells > LARGE):
+            words = (
+                f"found true, but {spec.file or spec.files} cannot be read in pieces, expected"
+                " a Parquet or CSV file"
+            )
+            raise tables.job.error(("measurements", streamed[0], "stream"), words)
+    readings = LogReadings(tables, plan, tuple(sources))
+    if len(sources) < len(specs) or not (streamed or readings.cells > LARGE):
         return None, ()
     if sum(source.file.rows for source in sources) <= _SHORT:
-        return None, (Remark.info(f"{names} is so short that it was read at once."),)
-    readings = LogReadings(tables, plan, tuple(sources))
-    for reason, possible in _obstacles(readings, left):
-        if possible and (streamed or cells > _HUGE):
-            continue
-        if streamed:
-            raise refusal(reason)
-        words = f"{names} ({cells:.3g} cells) was read into memory and not in pieces: {reason}."
+        words = f"{readings.names} is so short that it was read at once."
         return None, (Remark.info(words),)
+    for reason, possible in _obstacles(readings, left):
+        if not possible or not (streamed or readings.cells > _HUGE):
+            return None, (readings.into_memory(reason),)
     return readings, ()
 
 

@@ -173,14 +173,15 @@ def zeros_apart(plan: Plan, readings: Readings) -> list[Remark]:
 
 
 def of_both_ways(
-    plan: Plan, readings: Readings, samples: Samples, fit: TableFit
+    plan: Plan, order: Float[np.ndarray, " t"], samples: Samples, fit: TableFit
 ) -> tuple[Samples, list[Remark]]:
     """Return the readings of a log as the mean of both ways of the axis that moves most.
 
     A table of one direction cannot hold what differs between them. Where each line of a
     surface was passed one way only, it would take that for waves from line to line.
+    Arguments as `as_passes_differ`.
     """
-    order = np.argsort(readings.order, kind="stable")
+    order = np.argsort(order, kind="stable")
     if len(order) < LOG:
         return samples, []
     places = samples.positions[order]
