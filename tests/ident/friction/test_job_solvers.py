@@ -117,6 +117,7 @@ def test_what_is_predicted_follows_the_law_that_output_error_found(
 
 
 @pytest.mark.slow
+@pytest.mark.heavy  # `test_output_error` compares the solvers, each in less time
 def test_ipopt_in_a_job_ends_no_higher_than_optimistix(
     driven: Path, output: FrictionResult, monkeypatch: pytest.MonkeyPatch
 ) -> None:
