@@ -24,6 +24,8 @@ sign, and how many times as large it is to have another unit: a filter leaves le
 _JITTER, _SMOOTHER, _LEAST = 0.005, 0.7, 100
 """Share of a step by which a clock may be uneven unheeded; jerk with an even one, of that with the
 recorded one, below which the even one is right; and samples without a jump that tell it."""
+_STRETCH = 20
+"""Stretches of a recording whose mean stamps must be those of its samples, where stamps repeat."""
 _OWN = 0.3
 """How often samples with one stamp must differ in place, as a share of how often all others do."""
 _REPEATED = 1.0 / 3.0
@@ -303,7 +305,7 @@ def on_even_clock(
     A time that was rounded, or stamped when a sample arrived, makes a smooth motion jerk. Where
     samples lie within one step of an even clock, and the motion of the axis is smoother by that
     one, it is the clock of the controller. Stamps that repeat tell of no gap: all samples are of
-    one clock, within a step in the mean.
+    one clock where each stretch is within half a step in the mean.
 
     Args:
         measurement: Any.
@@ -322,7 +324,13 @@ def on_even_clock(
             if len(count) > _LEAST:
                 even[rows] = np.polynomial.Polynomial.fit(count, time[rows], 1)(count)
         away = np.abs(even - time)
-        moved = float(away.mean() if coarse else away.max())
+        moved = float(away.max())
+        if coarse:
+            from scipy.ndimage import uniform_filter1d  # takes long to load
+
+            # A sample that is missing moves all behind it; stamps that are late come back.
+            width = max(len(time) // _STRETCH, _LEAST)
+            moved = 2.0 * float(np.ptp(uniform_filter1d(even - time, width)))
         values = measurement.values.replaced("time", even)
         found = dataclasses.replace(measurement, values=values)
         # No motion follows from stamps that repeat.
@@ -334,7 +342,8 @@ def on_even_clock(
         float(np.std(np.diff(one.acceleration)[one.settled[1:] & one.settled[:-1]]))
         for one in pair
     ]
-    if moved > clock.sample_time or not (coarse or jerks[0] < _SMOOTHER * jerks[1]):
+    step = min(clock.sample_time, float(np.ptp(time)) / (len(time) - 1))
+    if moved > step or not (coarse or jerks[0] < _SMOOTHER * jerks[1]):
         return measurement
     uneven = float(np.std(np.diff(time)))
     words = (

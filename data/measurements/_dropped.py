@@ -22,7 +22,7 @@ def filled_in(
     """Return a recording with the samples that are missing, up to ``most`` in a row.
 
     Besides the row of the recording that each row was, those filled in between whole ones. Stamps
-    that repeat are too coarse to tell: nothing is filled in.
+    that repeat as often are too coarse to tell: nothing is filled in.
     """
     time, places = measured.get("time"), [np.arange(measured.rows, dtype=float)]
     if time is None or len(time) < _LEAST:
@@ -32,7 +32,8 @@ def filled_in(
         clock = read_clock(np.asarray(time, dtype=float))
     except (CellError, SignalError):
         return measured, places[0]
-    coarse = any(jump.kind == "repeat" for jump in clock.jumps)
+    kinds = [jump.kind for jump in clock.jumps]
+    coarse = 2 * kinds.count("repeat") > kinds.count("gap")
     for jump in () if coarse else clock.jumps:
         missed = round(jump.step / clock.sample_time) - 1
         if jump.kind == "gap" and missed <= most:

@@ -18,6 +18,9 @@ _LEAST = 3
 _COMMON = 0.5
 """Share of its places that a run must have in common with others to be a repetition."""
 
+_STRETCHES = 2
+"""Groups of runs without a common place, up to which the table tells how they lie."""
+
 _SEVERAL, _SURE, _GROWN = 5, 6.0, 5e-6
 """Places that two measurements share, deviations of a slope between them, and mm per mm (half a
 kelvin of steel), from which on one is the longer."""
@@ -124,7 +127,8 @@ def runs_overlap(
     """Return whether every run goes over places that others go over too.
 
     Runs that no place joins to the rest, as the lines of a surface that are passed twice each,
-    tell nothing of what they have in common: it is theirs or the table's.
+    tell nothing of what they have in common: it is theirs or the table's. Of two stretches
+    smoothness tells it.
 
     Args:
         positions: Of the masters.
@@ -142,7 +146,7 @@ def runs_overlap(
         cell = cell * len(line) + np.searchsorted(middle, positions[:, k])
     places, seen = ranked(cell)
     met = sp.coo_array((np.ones(len(cell)), (index, runs + seen)), (runs + places,) * 2)
-    if connected_components(met, directed=False)[0] > 1:
+    if connected_components(met, directed=False)[0] > _STRETCHES:
         return False
     if direction is not None:
         cell = 2 * cell + (direction < 0)

@@ -20,7 +20,7 @@ node that tell how they differ; and the variance, in that of white noise, from w
 _FAST, _ONE_WAY, _LATE = 0.5, 0.98, 0.01
 """s between readings of a log in motion; mean sign of its speed that is one way; s by which an
 instrument is late, for what it would do."""
-_IN_COMMON = 3
+_IN_COMMON = 7
 """Places that two measurements share, from which on their zeros can be compared."""
 _NOTHING = 1e-18
 """mm²: variance of what readings without any noise tell."""
@@ -148,7 +148,9 @@ def zeros_apart(plan: Plan, readings: Readings) -> list[Remark]:
     """Return a doubt where a measurement lies beyond another at the places of both."""
     branch = plan.branch(readings.direction)
     samples = Samples(readings.positions, readings.error, branch)
-    place, size = nearest_node(plan, samples), plan.table.layout.size
+    place, size = nearest_node(plan, samples), 2 * plan.table.layout.size
+    # What an axis loses where it turns is no zero.
+    place = 2 * place + (readings.direction == -1)
     means, found = {}, list[tuple[float, str, str]]()
     for name, rows in readings.slices.items():
         count = np.bincount(place[rows], minlength=size)
@@ -186,10 +188,17 @@ def of_both_ways(
         return samples, []
     places = samples.positions[order]
     most = int(np.argmax(np.abs(np.diff(places, axis=0)).sum(axis=0)))
-    way = np.empty(len(order), np.int64)
-    way[order] = travel_direction(places[:, most])
-    if len(np.unique(way)) < 2 or (way == 0).any():
+    # Stops with several readings count once: their steps are no noise of a position.
+    starts = np.flatnonzero(np.diff(places[:, most], prepend=np.nan) != 0.0)
+    ways = travel_direction(places[starts, most])
+    if len(np.unique(ways)) < 2 or (ways == 0).any():
         return samples, []
+    count = np.diff(starts, append=len(order))
+    stop = np.repeat(np.arange(len(starts)), count)
+    # Where an axis stands as it turns, half of the readings are of the way back.
+    later = 2 * (np.arange(len(order)) - starts[stop]) >= count[stop]
+    way = np.empty(len(order), np.int64)
+    way[order] = ways[np.minimum(stop + later, len(ways) - 1)]
     apart, deviation = _difference(plan, samples, fit, 0.5 * way, most)
     if abs(apart) < max(SEEN * deviation, fit.noise, TINY):
         return samples, []

@@ -809,3 +809,19 @@ def test_stamps_of_arrival_that_repeat_are_read_as_samples_of_an_even_clock(
     speed = np.array([2.0, 5.0, 20.0, 60.0])
     # 0.1 A of noise on 11 000 samples; a line between knots leaves 1 %.
     np.testing.assert_allclose(found.knots.current(speed), LAW(speed), rtol=0.02)
+
+
+def test_stamps_that_repeat_beside_samples_that_are_missing_are_refused(
+    tmp_path: Path,
+) -> None:
+    record(tmp_path)
+    path = tmp_path / "trace.csv"
+    table = np.loadtxt(path, delimiter=",", skiprows=1)
+    table[::2, 0] = table[1::2, 0]  # two samples of 2 ms each
+    missing = np.random.default_rng(6).choice(len(table), 20, replace=False)
+    table = np.delete(table, missing, axis=0)
+    np.savetxt(path, table, "%.7f", ",", header="t,x,i", comments="")
+    with pytest.raises(
+        AxcompError, match=r"at the instant before them|ascending times"
+    ):
+        run(tmp_path)

@@ -88,11 +88,14 @@ def test_zeros_of_measurements_without_runs_are_compared_where_both_were_read(
     tmp_path: Path, apart: float
 ) -> None:
     rng = np.random.default_rng(1)
-    for name, place, zero in (("a", NODES[:8], 0.0), ("b", NODES[5:], apart)):
+    fine = np.arange(0.0, 601.0, 25.0)
+    for name, place, zero in (("a", fine[:17], 0.0), ("b", fine[10:], apart)):
         seen = error(place) + zero + 5e-4 * rng.normal(size=len(place))
         table(tmp_path / f"{name}.csv", "position,error", place, seen)
     path = job(tmp_path, {"a": "none", "b": "none"})
-    path.write_text(path.read_text().replace('run = "run"\n', ""))
+    text = path.read_text().replace('run = "run"\n', "")
+    finer = "interval = 25.0\npoints = 25"
+    path.write_text(text.replace("interval = 50.0\npoints = 13", finer))
     (screw,) = run_job(path, tmp_path / "out").fits
     said = " ".join(remark.message for remark in screw.remarks)
     assert bool(re.search("'b' lies (79|80|81) µm above 'a' where both", said)) is bool(
