@@ -240,7 +240,7 @@ def _direction(cell: Any) -> float:
     try:
         return float("nan" if cell is None else cell)
     except ValueError:
-        return direction_of(str(cell)) or 0.0
+        return float(direction_of(str(cell)) or 0)
 
 
 def _measured(data: Measurement, role: str) -> np.ndarray | None:

@@ -71,7 +71,9 @@ def held_out(
         spread[fold_of_reading == number] = predict(fold, own.positions, own.branch)[1]
     noise = np.array([fold.noise**2 for fold in folds])
     rounding = 1 / (12 * LIST_UNITS**2)
-    variance = spread**2 + noise[fold_of_reading] + run_variance(runs, samples.order)
+    order = samples.order
+    place = np.zeros(len(before)) if order is None else order - 0.5
+    variance = spread**2 + noise[fold_of_reading] + run_variance(runs, place)
     deviation = np.sqrt(variance + rounding)
     return HeldOut(before + offset - active, deviation, by_run)
 
@@ -107,16 +109,16 @@ def groups_of_runs(run: Int[np.ndarray, " t"]) -> Int[np.ndarray, " t"]:
 
 
 def run_variance(
-    runs: Sequence[RunEffect], order: Float[np.ndarray, " t"] | None
-) -> Float[np.ndarray, " t"] | float:
+    runs: Sequence[RunEffect], place: Float[np.ndarray, " t"]
+) -> Float[np.ndarray, " t"]:
     """Return what a run that was not measured yet adds by its own offset and drift, in mm².
 
     Args:
         runs: Those measured; fewer than two tell nothing.
-        order: Place of each reading in its run, 0 to 1; None: runs have no drift.
+        place: Of each reading in its run, −½ to ½; 0 where runs have no drift.
     """
     if len(runs) < 2:
-        return 0.0
+        return np.zeros(len(place))
     squares = np.array([[run.offset**2, run.drift**2] for run in runs])
     offset, drift = squares.sum(axis=0) / (len(runs) - 1)
-    return np.asarray(offset + (0.0 if order is None else drift * (order - 0.5) ** 2))
+    return np.asarray(offset + drift * np.square(place))

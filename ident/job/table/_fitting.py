@@ -226,12 +226,11 @@ def draft_of_share(plan: Plan, share: "Share") -> TableDraft:
     refuse_unowned_trend(plan, fit)
     if share.constant:
         fit = _doubted(plan, readings, samples, fit)
-    variance = (
-        share.noise**2 + 1 / (12.0 * LIST_UNITS**2) + run_variance(fit.runs, None)
-    )
+    variance = run_variance(fit.runs, np.zeros(len(samples.error)))
+    variance += share.noise**2 + 1 / (12.0 * LIST_UNITS**2)
     heldout = HeldOut(
         residual=share.predicted[share.rows],
-        standard_deviation=np.full(len(samples.error), np.sqrt(variance)),
+        standard_deviation=np.sqrt(variance),
         by_run=recording.by_run,
     )
     effects = "offset" if fit.runs else "none"

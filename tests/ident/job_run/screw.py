@@ -89,7 +89,7 @@ def offsets(folder: Path, axis: int, **positions: np.ndarray) -> np.ndarray:
     direction = positions.pop("D", None)
     motion = Motion(
         {int(name[1:]): values for name, values in positions.items()},
-        {} if direction is None else {axis: direction},
+        {} if direction is None else {axis: np.asarray(direction, np.int64)},
         None,
     )
     lists = [ListFile.read(folder / f"achskw{axis}.lis")]
