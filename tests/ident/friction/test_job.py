@@ -59,7 +59,15 @@ def record(
     x, a = np.cumsum(v) * step, np.gradient(v, step)
     i = inertia * a + np.asarray(law(v)) + load + NOISE * rng.normal(size=v.size)
     i = np.clip(i, -limit, limit)
-    table = np.column_stack([np.arange(v.size) * step, x, sign * i])
+    write(folder, np.column_stack([np.arange(v.size) * step, x, sign * i]))
+
+
+def read(folder: Path) -> np.ndarray:
+    """Columns of the recording: time in s, position in mm, current in A."""
+    return np.loadtxt(folder / "trace.csv", delimiter=",", skiprows=1)
+
+
+def write(folder: Path, table: np.ndarray) -> None:
     np.savetxt(folder / "trace.csv", table, "%.7f", ",", header="t,x,i", comments="")
 
 
@@ -199,12 +207,11 @@ def test_spikes_of_the_current_move_no_law(
     tmp_path: Path, done: tuple[Path, JobResult]
 ) -> None:
     record(tmp_path)
-    path = tmp_path / "trace.csv"
-    table = np.loadtxt(path, delimiter=",", skiprows=1)
+    table = read(tmp_path)
     rng = np.random.default_rng(3)
     rows = np.flatnonzero(rng.random(len(table)) < 0.01)
     table[rows, 2] = rng.choice([-50.0, 50.0], len(rows))
-    np.savetxt(path, table, "%.7f", ",", header="t,x,i", comments="")
+    write(tmp_path, table)
     found, sound = friction(run(tmp_path)), friction(done[1])
     assert found.curve is not None
     assert sound.curve is not None
@@ -223,10 +230,9 @@ def test_a_load_that_changes_with_the_position_is_told(
     tmp_path: Path, spring: float
 ) -> None:
     record(tmp_path, velocity=np.tile(motion(), 5))
-    path = tmp_path / "trace.csv"
-    table = np.loadtxt(path, delimiter=",", skiprows=1)
+    table = read(tmp_path)
     table[:, 2] += spring * table[:, 1]
-    np.savetxt(path, table, "%.7f", ",", header="t,x,i", comments="")
+    write(tmp_path, table)
     said = [remark.message for remark in friction(run(tmp_path)).remarks]
     assert any("The load changes by" in each for each in said) == (spring > 0.0)
 
@@ -236,7 +242,7 @@ def test_friction_that_changes_while_it_is_recorded_is_told(
     tmp_path: Path, fall: float
 ) -> None:
     record(tmp_path, velocity=np.tile(motion(), 3))
-    table = np.loadtxt(tmp_path / "trace.csv", delimiter=",", skiprows=1)
+    table = read(tmp_path)
     # The axis warms: all of the current shrinks, its constant load with it.
     table[:, 2] *= 1.0 - fall * np.linspace(0.0, 1.0, len(table))
     header = "t,x,i"
@@ -254,10 +260,9 @@ def test_a_current_that_comes_late_is_no_friction_that_changes(tmp_path: Path) -
     turn = np.clip(6.0 * np.sin(2.0 * np.pi * np.arange(400) / 400.0), -1.0, 1.0)
     speeds = np.repeat([1.0, 2.0, 4.0, 8.0, 16.0, 40.0, 100.0], 3)
     record(tmp_path, velocity=np.concatenate([v * turn for v in speeds]))
-    path = tmp_path / "trace.csv"
-    table = np.loadtxt(path, delimiter=",", skiprows=1)
+    table = read(tmp_path)
     table[8:, 2] = table[:-8, 2]
-    np.savetxt(path, table, "%.7f", ",", header="t,x,i", comments="")
+    write(tmp_path, table)
     said = " ".join(remark.message for remark in friction(run(tmp_path)).remarks)
     assert "over the recording, as it does" not in said
     assert "larger about" not in said
@@ -294,14 +299,13 @@ def test_a_load_that_steps_and_friction_of_the_place_are_told(
     over = np.interp(seconds, [0.0, 0.1, 3.1, 3.2], [0.0, 100.0, 100.0, 0.0])
     both = [motion(), over, motion(), -over]
     record(tmp_path, velocity=np.tile(np.concatenate(both), 3))
-    path = tmp_path / "trace.csv"
-    table = np.loadtxt(path, delimiter=",", skiprows=1)
+    table = read(tmp_path)
     place, way = table[:, 1], np.sign(np.gradient(table[:, 1]))
     if kind == "step":  # somebody clamps a workpiece
         table[:, 2] += 0.6 * (np.arange(len(table)) > len(table) // 2)
     if kind == "place":
         table[:, 2] += way * (place > 150.0)
-    np.savetxt(path, table, "%.7f", ",", header="t,x,i", comments="")
+    write(tmp_path, table)
     said = " ".join(remark.message for remark in friction(run(tmp_path)).remarks)
     told = re.findall(r"The constant load changes by (\S+) A", said)
     assert len(told) == (kind == "step")
@@ -316,10 +320,9 @@ def test_friction_that_grows_along_the_way_is_told_where_speed_and_place_go_toge
 ) -> None:
     # To and fro from one place: only fast motion comes to the far end.
     record(tmp_path, velocity=np.tile(motion(), 5))
-    path = tmp_path / "trace.csv"
-    table = np.loadtxt(path, delimiter=",", skiprows=1)
+    table = read(tmp_path)
     table[:, 2] += slope * table[:, 1] * np.sign(np.gradient(table[:, 1]))
-    np.savetxt(path, table, "%.7f", ",", header="t,x,i", comments="")
+    write(tmp_path, table)
     said = " ".join(remark.message for remark in friction(run(tmp_path)).remarks)
     assert ("larger about" in said) == (slope > 0.0)
 
@@ -514,9 +517,9 @@ def test_a_second_measurement_of_friction_says_what_shows_it(tmp_path: Path) -> 
 
 def test_a_time_in_microseconds_read_as_seconds_is_named(tmp_path: Path) -> None:
     record(tmp_path)
-    table = np.loadtxt(tmp_path / "trace.csv", delimiter=",", skiprows=1)
+    table = read(tmp_path)
     table[:, 0] *= 1e6
-    np.savetxt(tmp_path / "trace.csv", table, "%.7f", ",", header="t,x,i", comments="")
+    write(tmp_path, table)
     result = run(tmp_path)
     assert not result.passed
     errors = [one.message for one in friction(result).remarks if one.level == "error"]
@@ -528,7 +531,7 @@ def test_a_unit_a_thousand_times_off_is_doubted_by_the_speed(
     tmp_path: Path, column: int | None
 ) -> None:
     record(tmp_path)
-    table = np.loadtxt(tmp_path / "trace.csv", delimiter=",", skiprows=1)
+    table = read(tmp_path)
     if column is not None:  # ms for s, m for mm
         table[:, column] *= (1e3, 1e-3)[column]
     np.savetxt(tmp_path / "trace.csv", table, "%.9f", ",", header="t,x,i", comments="")
@@ -544,9 +547,9 @@ def test_samples_that_stand_twice_at_one_instant_are_refused_in_words(
     tmp_path: Path,
 ) -> None:
     record(tmp_path)
-    table = np.loadtxt(tmp_path / "trace.csv", delimiter=",", skiprows=1)
+    table = read(tmp_path)
     table = np.repeat(table, 2, axis=0)
-    np.savetxt(tmp_path / "trace.csv", table, "%.7f", ",", header="t,x,i", comments="")
+    write(tmp_path, table)
     with pytest.raises(AxcompError, match="samples at the instant before them"):
         run(tmp_path)
 
@@ -797,12 +800,11 @@ def test_stamps_of_arrival_that_repeat_are_read_as_samples_of_an_even_clock(
     tmp_path: Path,
 ) -> None:
     record(tmp_path)
-    path = tmp_path / "trace.csv"
-    table = np.loadtxt(path, delimiter=",", skiprows=1)
+    table = read(tmp_path)
     late = np.random.default_rng(2).exponential(1.5e-3, len(table))
     table[:, 0] = np.round(np.maximum.accumulate(table[:, 0] + late), 3)
     assert (np.diff(table[:, 0]) == 0.0).sum() > 100
-    np.savetxt(path, table, "%.7f", ",", header="t,x,i", comments="")
+    write(tmp_path, table)
     found = friction(run(tmp_path))
     assert "with samples every 2 ms" in " ".join(one.message for one in found.remarks)
     assert found.knots is not None
@@ -815,12 +817,11 @@ def test_stamps_that_repeat_beside_samples_that_are_missing_are_refused(
     tmp_path: Path,
 ) -> None:
     record(tmp_path)
-    path = tmp_path / "trace.csv"
-    table = np.loadtxt(path, delimiter=",", skiprows=1)
+    table = read(tmp_path)
     table[::2, 0] = table[1::2, 0]  # two samples of 2 ms each
     missing = np.random.default_rng(6).choice(len(table), 20, replace=False)
     table = np.delete(table, missing, axis=0)
-    np.savetxt(path, table, "%.7f", ",", header="t,x,i", comments="")
+    write(tmp_path, table)
     with pytest.raises(
         AxcompError, match=r"at the instant before them|ascending times"
     ):
