@@ -5,6 +5,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 from jaxtyping import Float
 from scipy.signal import lfilter
@@ -74,6 +76,30 @@ def test_deviations_hold_what_neighbours_in_time_share(tmp_path: Path) -> None:
     # Sixteen nodes, of which neighbours err together; white noise would give 3.
     assert 0.4 < np.sqrt(np.mean((off / deviation) ** 2)) < 1.6
     assert "follow each other err alike" in words(found)
+
+
+def test_a_log_in_pieces_holds_what_neighbours_in_time_share(tmp_path: Path) -> None:
+    rng, count = np.random.default_rng(0), 100_000
+    x = 150.0 - 150.0 * np.cos(2e-3 * np.pi * 8 * np.arange(count) / 1e3)
+    # 0.2 µm that last 0.3 s beside 1 µm of white noise: seen by all readings of a pass only.
+    last = np.exp(-1 / 75)
+    air = lfilter([2e-4 * np.sqrt(1 - last**2)], [1, -last], rng.standard_normal(count))
+    error = 5e-3 * np.sin(x / 90.0) + air + 1e-3 * rng.standard_normal(count)
+    log = pa.table({"X.position [mm]": x, "Z.error [um]": 1e3 * error})
+    pq.write_table(log, tmp_path / "log.parquet")
+    axes = "".join(f"[axes.{name}]\nnumber = {k}\n" for k, name in enumerate("XYZ", 1))
+    found = []
+    for stream in ("true", "false"):
+        measured = f'[measurements.log]\nfile = "log.parquet"\nstream = {stream}\n'
+        measured += (
+            f'active = []\nremove = "none"\n[[fits]]\nmeasurement = "log"\n{CROSS}'
+        )
+        (tmp_path / "job.toml").write_text(axes + measured)
+        (one,) = run_job(tmp_path / "job.toml", tmp_path / stream).tables
+        (deviation,) = one.standard_deviation.values()
+        found.append(deviation)
+    # The same estimator: what differs is the rounding of its sums.
+    np.testing.assert_allclose(*found, rtol=1e-3)
 
 
 def test_a_group_holds_what_neighbours_in_time_share_once(tmp_path: Path) -> None:

@@ -41,6 +41,7 @@ from ._ends import (
 from ._log_draft import fit_log
 from ._log_readings import in_pieces
 from ._passes import (
+    Passes,
     as_passes_differ,
     nearest_node,
     of_both_ways,
@@ -170,7 +171,10 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
         samples, apart = of_both_ways(plan, readings.order, samples, fit)
         remarks += apart
         fit = fit_to(samples) if apart else fit
-    fit, alike = as_passes_differ(plan, readings.order, samples, fit)
+    when = np.argsort(readings.order, kind="stable")
+    left, wild = np.asarray(fit.residual)[when], np.asarray(fit.wild)[when]
+    of_nodes = Passes.of(plan, samples.take(when), left, wild)
+    fit, alike = as_passes_differ(plan, of_nodes, samples, fit)
     remarks += [*alike, *one_way(plan, readings, fit)]
     if finer:
         words = "There are more nodes than readings: the prior fills in between."

@@ -22,7 +22,7 @@ from ...readings import Readings, joined
 from ..result._result import STAGES, Remark, largest_wild
 from ._draft import TableDraft
 from ._log_readings import LogReadings
-from ._passes import as_passes_differ, of_both_ways
+from ._passes import Passes, as_passes_differ, of_both_ways
 from ._remarks import outside
 
 _SHOWN = 20_000
@@ -78,6 +78,18 @@ class FittedLog:
                 tally[name] = tally[name] + errors if name in tally else errors
             beyond += int(outside(table, samples.positions).sum())
         return {name: sums.figures for name, sums in tally.items()}, beyond
+
+    def passes(self) -> Passes:
+        """Return the passes of all readings; one that a piece ends in counts as two."""
+        parts = list[Passes]()
+        for samples in self.readings.pieces():
+            at, wild = (
+                (samples.positions, samples.branch),
+                self.streamed.wild_of(samples),
+            )
+            left = samples.error - predict(self.streamed.fit, *at)[0]
+            parts.append(Passes.of(self.readings.plan, samples, left, wild))
+        return Passes.joined(parts)
 
     def shown(self) -> tuple[Samples, Int[np.ndarray, " n"]]:
         """Return every n-th reading and those that no plot may lack, and which these are."""
@@ -142,7 +154,7 @@ def fit_log(readings: LogReadings) -> TableDraft | None:
     surface = samples.branch is None and len(spec.over) > 1
     if surface and of_both_ways(plan, order, samples, fit)[1]:
         return None
-    fit, alike = as_passes_differ(plan, order, samples, fit, log.every)
+    fit, alike = as_passes_differ(plan, log.passes(), samples, fit)
     zero, estimate = plan.zeroed(fit)
     streamed = dataclasses.replace(streamed, fit=fit)
     log = dataclasses.replace(log, streamed=streamed, zero=zero)

@@ -2,9 +2,11 @@
 
 import dataclasses
 import itertools
+from collections.abc import Sequence
+from typing import final
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from ....data.signals import NORMAL, independent, travel_direction
 from ...fit import Samples, TableFit, as_alike, fit_table
@@ -29,12 +31,61 @@ _LOOSE, _FAINT = 1e-6, 1e-3
 by both ways from which on it tells how much they differ."""
 
 
+@final
+@dataclasses.dataclass(frozen=True)
+class Passes:
+    """What a table leaves of its readings, by pass of a node: one after the other in time.
+
+    Attributes:
+        node: Number of the node.
+        size: How many readings the pass has, at least two.
+        mean: Of what is left, in mm or °.
+        square: Mean square of it.
+    """
+
+    node: Int[np.ndarray, " p"]
+    size: Int[np.ndarray, " p"]
+    mean: Float[np.ndarray, " p"]
+    square: Float[np.ndarray, " p"]
+
+    @classmethod
+    def of(
+        cls,
+        plan: Plan,
+        samples: Samples,
+        left: Float[np.ndarray, " t"],
+        wild: Bool[np.ndarray, " t"],
+    ) -> "Passes":
+        """Return the passes of readings that stand in the order in which they were taken."""
+        keep = np.isfinite(left) & ~wild
+        node, left = nearest_node(plan, samples)[keep], left[keep]
+        number = np.cumsum(np.diff(node, prepend=-1) != 0) - 1
+        size = np.bincount(number)
+        first = np.cumsum(size) - size
+        mean, square = (np.bincount(number, each) / size for each in (left, left**2))
+        # One reading tells nothing of the scatter within its pass.
+        more = size > 1
+        return cls(node[first][more], size[more], mean[more], square[more])
+
+    @classmethod
+    def joined(cls, parts: "Sequence[Passes]") -> "Passes":
+        """Return those of pieces that follow each other."""
+        names = [field.name for field in dataclasses.fields(cls)]
+        columns = ([getattr(part, name) for part in parts] for name in names)
+        return cls(*map(np.concatenate, columns))
+
+    def whole(self) -> "Passes":
+        """Return those that have most of the readings of a pass; others touch a node's edge."""
+        longest = np.zeros(self.node.max(initial=0) + 1)
+        np.maximum.at(longest, self.node, self.size)
+        most = self.size >= _PASS * longest[self.node]
+        return Passes(
+            self.node[most], self.size[most], self.mean[most], self.square[most]
+        )
+
+
 def as_passes_differ(
-    plan: Plan,
-    order: Float[np.ndarray, " t"],
-    samples: Samples,
-    fit: TableFit,
-    every: int = 1,
+    plan: Plan, passes: Passes, samples: Samples, fit: TableFit
 ) -> tuple[TableFit, list[Remark]]:
     """Return the fit of a log whose readings share some of their error, and the words for it.
 
@@ -45,34 +96,18 @@ def as_passes_differ(
 
     Args:
         plan: Of the table.
-        order: When each reading was taken.
-        samples: The readings.
-        fit: Of the readings, or of all of which these are one in so many.
-        every: Of so many readings one is given.
+        passes: Of all readings.
+        samples: Those whose residuals the fit holds.
+        fit: The table.
     """
-    residual = np.asarray(fit.residual)
-    keep = np.isfinite(residual) & ~np.asarray(fit.wild)
-    if keep.sum() < LOG:
+    passes = passes.whole()
+    node, size, mean = passes.node, passes.size, passes.mean
+    free = len(node) - len(np.unique(node))
+    if size.sum() < LOG or free < _PASSES:
         return fit, []
-    when = np.argsort(order[keep], kind="stable")
-    node, left = nearest_node(plan, samples)[keep][when], residual[keep][when]
-    number = np.concatenate([[0], np.cumsum(np.diff(node) != 0)])
-    size = np.bincount(number)
-    place = node[np.flatnonzero(np.diff(number, prepend=-1))]
-    mean, square = (np.bincount(number, each) / size for each in (left, left**2))
-    longest = np.zeros(place.max() + 1)
-    np.maximum.at(longest, place, size)
-    # Others touch the edge of a node.
-    whole = (size > 1) & (size >= _PASS * longest[place])
-    place, size = place[whole], size[whole]
-    mean, square = mean[whole], square[whole]
-    passes = np.bincount(place, minlength=fit.values.size)
-    middle = np.bincount(place, size * mean) / np.maximum(np.bincount(place, size), 1)
-    free = int((passes[passes > 0] - 1).sum())
-    if free < _PASSES:
-        return fit, []
-    within = float(np.sum(size * (square - mean**2)) / np.sum(size - 1))
-    between = float(np.sum(size * (mean - middle[place]) ** 2)) / free
+    middle = np.bincount(node, size * mean) / np.maximum(np.bincount(node, size), 1)
+    within = float(np.sum(size * (passes.square - mean**2)) / np.sum(size - 1))
+    between = float(np.sum(size * (mean - middle[node]) ** 2)) / free
     if between <= _ALIKE * within:
         return fit, []
     apart = (between - within) / float(np.mean(size))
@@ -82,10 +117,10 @@ def as_passes_differ(
         " table is smoothed for it and the standard deviations hold that; more passes make"
         " them smaller, more readings per second do not."
     )
-    times = max(between / float(np.average(square, weights=size)), 1.0)
-    fit = as_alike(fit, samples, every * times)
+    alike = between / float(np.average(passes.square, weights=size))
+    fit = as_alike(fit, samples, max(alike, 1.0))
     # Passes that follow each other err alike as well.
-    passed = independent(np.sqrt(size) * (mean - middle[place]))
+    passed = independent(np.sqrt(size) * (mean - middle[node]))
     deviation = np.sqrt(len(size) / passed) * np.asarray(fit.standard_deviation)
     return dataclasses.replace(fit, standard_deviation=deviation), [Remark.info(words)]
 
@@ -181,7 +216,12 @@ def of_both_ways(
 
     A table of one direction cannot hold what differs between them. Where each line of a
     surface was passed one way only, it would take that for waves from line to line.
-    Arguments as `as_passes_differ`.
+
+    Args:
+        plan: Of the table.
+        order: When each reading was taken.
+        samples: The readings.
+        fit: Of them.
     """
     order = np.argsort(order, kind="stable")
     if len(order) < LOG:
