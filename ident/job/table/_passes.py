@@ -22,6 +22,8 @@ node that tell how they differ; and the variance, in that of white noise, from w
 _FAST, _ONE_WAY, _LATE = 0.5, 0.98, 0.01
 """s between readings of a log in motion; mean sign of its speed that is one way; s by which an
 instrument is late, for what it would do."""
+_LINES = 8
+"""Nodes along each axis of a surface from which on few readings tell waves from its shape."""
 _IN_COMMON = 7
 """Places that two measurements share, from which on their zeros can be compared."""
 _NOTHING = 1e-18
@@ -215,7 +217,8 @@ def of_both_ways(
     """Return the readings of a log as the mean of both ways of the axis that moves most.
 
     A table of one direction cannot hold what differs between them. Where each line of a
-    surface was passed one way only, it would take that for waves from line to line.
+    surface was passed one way only, it would take that for waves from line to line; of few
+    readings, as of a probe, that is said and not taken off.
 
     Args:
         plan: Of the table.
@@ -224,7 +227,10 @@ def of_both_ways(
         fit: Of them.
     """
     order = np.argsort(order, kind="stable")
-    if len(order) < LOG:
+    few = len(order) < LOG
+    if few and (
+        samples.positions.shape[1] < 2 or min(plan.table.layout.shape) < _LINES
+    ):
         return samples, []
     places = samples.positions[order]
     most = int(np.argmax(np.abs(np.diff(places, axis=0)).sum(axis=0)))
@@ -246,8 +252,15 @@ def of_both_ways(
     words = (
         f"Readings taken while {mover} moves in positive direction lie {plan.small(apart, '+.2g')}"
         " from those on the way back: lost motion, or an instrument that is late. This table"
-        " knows no direction and is the mean of both ways, each of which keeps half of that."
+        " knows no direction"
     )
+    if few:  # Nothing but the waves themselves tells them from a surface that has such.
+        words += (
+            ": where a line was passed one way only it holds half of that, as waves from line"
+            " to line. Pass every line both ways, or all of them the same way."
+        )
+        return samples, [Remark.warning(words)]
+    words += " and is the mean of both ways, each of which keeps half of that."
     error = samples.error - 0.5 * apart * way
     return dataclasses.replace(samples, error=error), [Remark.warning(words)]
 
