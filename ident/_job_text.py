@@ -53,11 +53,17 @@ def edited_job(
     for name, keys in measurements.items():
         table: Any = document["measurements"]
         table = table[name]
+        # Comments behind the last key are about what follows the table.
+        behind = list[Any]()
+        while (body := table.value.body) and body[-1][0] is None:
+            behind.append(body.pop()[1])
         for key, value in keys.items():
             if value is not None:
                 table[key] = tomlkit.value(_value(value))
             elif key in table:
                 del table[key]
+        for each in reversed(behind):
+            table.add(each)
     kept = tomlkit.dumps(document).rstrip()
     return f"{kept}\n\n{job_text({'fits': list(fits)})}\n"
 

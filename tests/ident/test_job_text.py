@@ -72,3 +72,10 @@ max_step = 0.05
     kept, written = new.split("\n[[fits]]\n")
     assert kept == text.replace("drift = 2", "drift = 4")
     assert written == job_text({"fits": FITS}).removeprefix("[[fits]]\n") + "\n"
+
+
+def test_a_new_key_stands_before_the_comment_of_the_next_table() -> None:
+    text = '[measurements.p]\nfile = "a.csv"\n\n# as agreed\n[gate]\nmax_step = 0.05\n'
+    new = edited_job(text, {"p": {"remove": "none"}}, FITS)
+    kept = text.replace('"a.csv"\n', '"a.csv"\nremove = "none"\n')
+    assert new.startswith(kept)
