@@ -55,7 +55,8 @@ def edited_job(
         table = table[name]
         # Comments behind the last key are about what follows the table.
         behind = list[Any]()
-        while (body := table.value.body) and body[-1][0] is None:
+        body = table.value.body if isinstance(table, tomlkit.items.Table) else ()
+        while body and body[-1][0] is None:
             behind.append(body.pop()[1])
         for key, value in keys.items():
             if value is not None:
