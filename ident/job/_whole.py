@@ -511,11 +511,12 @@ def _with_partner(
         check = gate_check("gantry", wrong, 0.0, "faults", where)
         remarks = [*whole.remarks, *[Remark.warning(doubt)] * bool(doubt)]
         if advice:
-            largest = whole.sizes.get("max_correction", np.nan)
+            jumps = [c.value for c in whole.gate if c.name == "max_jump"]
+            largest = f" by up to {jumps[0]:.4g} mm" if jumps else ""
             words = (
                 f"{partner} is the gantry partner of {axis} and"
                 f"{where.removeprefix(partner)}: one of the two alone would twist the"
-                f" gantry by up to {largest:.4g} mm. {advice}"
+                f" gantry{largest}. {advice}"
             )
             remarks.append(Remark.error(words))
         gate = (*whole.gate, check)

@@ -13,7 +13,7 @@ from ....models import FrictionCompensation, FrictionTable, Setpoints
 from ...friction import Knots, place_knots
 from ...job._draft import AbstractDraft, AbstractPlan, Foreseen, Leftovers
 from ...job.result._result import STAGES, Remark
-from ...proof import CircularTest, GateCheck, circular_test
+from ...proof import CircularTest, GateCheck, circular_test, gate_check
 from ...readings import Tables
 from ._changes import changes
 from ._law import (
@@ -156,9 +156,13 @@ class FrictionDraft(AbstractDraft):
         value = float(abs(self.knots.out[largest]) * self.fit.torque_unit)
         speed = self.knots.velocity[largest] / 1000.0
         where = f"at {speed:g} {self.recording.samples.unit}/s"
+        more = gate_check(
+            "level", self.level, 1.0, "of the friction", "over all speeds"
+        )
         return (
             self.job.spec.gate.check("max_current", value, "of rated", where),
             self.view.gate(self.knots.unit, self.recording.unit),
+            *[more] * (not more.passed),
         )
 
     def prove(self, done: "AxisFiles") -> FrictionResult:
@@ -300,7 +304,7 @@ class FrictionDraft(AbstractDraft):
                 " position of the same moment."
             )
         if self.level > 1.0:
-            yield Remark.warning(
+            yield Remark.error(
                 f"The list gives {self.level:.0%} of the friction (level): more than there"
                 " is shakes the machine at reversals; expected 1 at most."
             )

@@ -581,7 +581,7 @@ def test_list_of_a_controller_that_subtracts_its_entries_is_turned(
     assert found.error["from_file"].sound.rms < 1.2 * NOISE
 
 
-def test_level_of_nothing_is_refused_and_more_than_all_is_warned_of(
+def test_level_of_nothing_is_refused_and_more_than_all_is_stopped(
     tmp_path: Path,
 ) -> None:
     record(tmp_path)
@@ -589,6 +589,8 @@ def test_level_of_nothing_is_refused_and_more_than_all_is_warned_of(
         run(tmp_path, keys=f"{PLAIN}\nlevel = 0")
     found = friction(run(tmp_path, keys=f"{PLAIN}\nlevel = 1.2"))
     assert any("more than there is shakes" in r.message for r in found.remarks)
+    assert [check.name for check in found.gate if not check.passed] == ["level"]
+    assert found.judgement.verdict == "rejected"
     assert not any("cautious" in remark.message for remark in found.remarks)
 
 

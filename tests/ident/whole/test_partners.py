@@ -347,6 +347,22 @@ def test_gantry_of_which_one_partner_is_in_another_unit_says_so(
     assert (apart if times > 0.01 else nothing) in said
 
 
+def test_gantry_with_backlash_of_one_partner_says_how_far_it_would_twist(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rng = np.random.default_rng(23)
+    x, way = np.tile(np.arange(0.0, 301.0, 25.0), 8), np.repeat([1, -1] * 4, 13)
+    error = -4e-3 * (way < 0) + NOISE * rng.standard_normal(len(x))
+    table(tmp_path / "line.csv", "x,dy,way", x, error, way)
+    job = GANTRY[: GANTRY.index("columns")].format(partner="")
+    job += 'columns = { "Y.position" = "x", "Y.error" = "dy", "Y.direction" = "way" }\n'
+    job += '[[fits]]\ncompensation = "backlash"\naxis = "Y"\nmeasurement = "line"\n'
+    assert fit(tmp_path, job) == 1
+    said = " ".join(capsys.readouterr().out.split())
+    (twist,) = re.findall(r"twist the gantry by up to (\S+) mm", said)
+    assert float(twist) == pytest.approx(4e-3, rel=0.1)  # 0.1 µm is an entry
+
+
 def gantry(folder: Path, size: float = 0.03, name: str = "line") -> None:
     rng = np.random.default_rng(22)
     x = np.tile(np.arange(0.0, 401.0, 25.0), 2)
