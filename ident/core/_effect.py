@@ -27,6 +27,9 @@ Design = tuple[Int[np.ndarray, "t k"], Float[np.ndarray, "t k"]]
 
 _EVEN = 1e-9
 """Nodes count as equidistant when they lie on a straight line to this share of a cell."""
+READ = 1e-3
+"""Share of a node in a reading from which on it supports it: single precision, or digits cut off a
+position, make smaller ones."""
 
 
 class AbstractEffect(abc.ABC):
@@ -34,6 +37,8 @@ class AbstractEffect(abc.ABC):
 
     ridge: float = 0.0
     """Precision that holds unknowns at zero, relative to their mean information."""
+    least: float | Float[np.ndarray, " n"] = 0.0
+    """Share in a reading above which it supports an unknown."""
 
     @property
     @abc.abstractmethod
@@ -109,6 +114,7 @@ class TableEffect(AbstractEffect):
     branches: int = 1
     periodic: bool = False
     inputs: tuple[str, ...] = ()
+    least = READ
 
     def __post_init__(self) -> None:
         names = tuple(f"position {k + 1}" for k in range(len(self.nodes)))
@@ -223,11 +229,12 @@ class ColumnsEffect(AbstractEffect):
 
     Attributes:
         given: Prior of the unknowns.
-        ridge: See `AbstractEffect`.
+        ridge, least: See `AbstractEffect`.
     """
 
     given: AbstractPrior
     ridge: float = 0.0
+    least: float | Float[np.ndarray, " n"] = 0.0
 
     @property
     def prior(self) -> AbstractPrior:

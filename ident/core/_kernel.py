@@ -10,6 +10,8 @@ from typing import Any, no_type_check
 import numba
 import numpy as np
 
+from ._effect import READ
+
 
 @numba.njit(inline="always")
 @no_type_check
@@ -76,7 +78,7 @@ def add_plane(
             continue
         diagonals, place = record[node], 0
         for p in range(4):
-            support[corners[p]] += shares[p] > 0.0
+            support[corners[p]] += shares[p] > READ
             for q in range(p + 1):
                 diagonals[place] += shares[p] * shares[q]
                 place += 1

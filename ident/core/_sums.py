@@ -50,7 +50,8 @@ class Sums:
         right: $A^T ψ$ of the residuals.
         tally: Readings that count, Σψ', Σψ²; Σr² and number of those that are not wild.
         histogram: Number of residuals by size.
-        support: Readings that touch each unknown with a share above 0.
+        support: Readings that touch each unknown; of a node, with a share that rounding of
+            positions does not make.
     """
 
     stack: Stack
@@ -234,7 +235,13 @@ def _by_matrix(
     vectors = {"right": right, "tally": np.array(tally, float), "histogram": sizes}
     if former is not None:
         return dataclasses.replace(former, **vectors), residual
-    support = design.astype(bool).T @ active.astype(np.int64)
+    least = np.hstack([np.full(each.size, each.least) for each in stack.effects])
+    if isinstance(design, np.ndarray):
+        read: Any = np.abs(design) > least
+    else:
+        felt = np.abs(design.data) > least[design.indices]
+        read = sp.csr_array((felt, design.indices, design.indptr), design.shape)
+    support = read.T @ active.astype(np.int64)
     matrix = _products(stack, design, active.astype(float))
     return Sums(stack, *matrix, **vectors, support=support), residual
 

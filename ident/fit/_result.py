@@ -50,16 +50,17 @@ ALIKE = (
 def wild_readings(
     stack: Stack, readings: Readings, about: Vector, loss: Loss
 ) -> tuple[Bool[np.ndarray, " t"], Float[np.ndarray, "3 n"]]:
-    """Return which readings a loss rejects by their residuals about an estimate, and where.
+    """Return which readings are wild by their residuals about an estimate, and where.
 
     That is: readings next to each unknown of the table, the weight they keep, those that are
-    wild; these add up over pieces.
+    wild; these add up over pieces. A wild one pulls a little where the loss is Huber's.
     """
-    share = loss.share(residual_of(stack, readings, about) / loss.scale)
+    ratio = residual_of(stack, readings, about) / loss.scale
+    wild = np.abs(ratio) > loss.wild_from
     table, nearest = stack.effects[0], nearest_nodes(stack, readings)
-    rows = (None, share, share == 0.0)
+    rows = (None, loss.share(ratio), wild)
     nodes = np.stack([np.bincount(nearest, row, table.size) for row in rows])
-    return share == 0.0, nodes
+    return wild, nodes
 
 
 def nearest_nodes(stack: Stack, readings: Readings) -> Int[np.ndarray, " t"]:

@@ -65,8 +65,10 @@ class StreamedFit:
             return folds_of(self.fit, self.groups, {}) if self.groups else {}
 
     def wild_of(self, samples: Samples) -> Bool[np.ndarray, " t"]:
-        """Return which of some readings the loss rejects."""
+        """Return which of some readings are wild."""
         estimate, stack = self.fit.estimate, Stack((self.fit.layout,))
+        if not self.wild:
+            return np.zeros(len(samples.error), bool)
         assert estimate is not None
         about = estimate.about, estimate.loss
         return wild_readings(stack, samples.readings, *about)[0]
@@ -127,21 +129,21 @@ def fit_streamed(
 
         start = np.full(stack.size, level_of(first))
         fitted = Passes(stack, over, loss, weights, least_scale(first)).run(start)
-        last, nodes, crowds = firsts[0], None, 0
+        last, nodes, crowds, wild = firsts[0], None, 0, 0
         if loss != "gauss":
             about, by = fitted.about, fitted.loss
             last = sum_up(about, by, True, grouping, True)
             nodes, crowds = last.nodes, int(crowded(last.nodes).sum())
+            wild = int(nodes[2].sum())
         count, spread = int(last.extent.counts.sum()), float(np.ptp(first))
         fit = result_of(layout, fitted, loss, count=count, spread=spread, nodes=nodes)
-        wild = count - int(fitted.posterior.problem.count)
         return StreamedFit(fit, count, wild, crowds, last.groups)
 
     with one_blas_thread():
         result, remark = attempt(loss), ""
         if loss == "student" and result.wild > TOO_MANY * result.count:
             remark = f"{none_left_out(result.wild / result.count)} "
-            result = attempt("huber")
+            result = dataclasses.replace(attempt("huber"), wild=0)
     message = f"{result.fit.message} {remark}Read in {next(passes)} passes."
     fit = dataclasses.replace(result.fit, message=message)
     return dataclasses.replace(result, fit=fit)

@@ -104,7 +104,8 @@ def fit_table(
     if divided:
         words = none_left_out(float(off.mean()))
         fit = fit_to("huber", far)
-        fit = dataclasses.replace(fit, message=f"{fit.message} {words}")
+        told, none = f"{fit.message} {words}", np.zeros(len(off), bool)
+        fit = dataclasses.replace(fit, message=told, wild=none)
     # Where the user sets the smoothness, or readings are held out, nothing is to be judged.
     judged = isinstance(smoothness, str) and not allow_gaps
     fit = judge_once(fit, samples) if judged else fit

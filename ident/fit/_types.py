@@ -166,7 +166,7 @@ class TableFit:
         smoothness: Weights of the prior by name (``"order 2, axis 1"`` …), relative to 1/noise².
         loss: ``"student"``, ``"huber"`` or ``"gauss"``.
         residual: Reading − table − run effects per sample in mm or °, shape ``(t,)``.
-        wild: Readings that the loss rejected outright.
+        wild: Readings too far off to judge the noise by.
         runs: Fitted offset and drift per run; empty where there are no runs.
         suspect_nodes: Nodes of the flattened table whose readings contradict their surroundings.
         suspect_runs: Runs that contradict the others.

@@ -185,6 +185,8 @@ def test_huber_leaves_wild_readings_out_of_the_noise() -> None:
     fit = fit_table(LINE, dataclasses.replace(samples, error=error), loss="huber")
     # 3000 readings tell their scatter to 1.3 %; the wild ones pull the table a little.
     assert fit.noise == pytest.approx(NOISE, rel=0.1)
+    # So do figures: the thirty, and no sound one, which lie within four deviations.
+    assert fit.wild.sum() == 30
 
 
 def test_steps_of_a_coarse_instrument_are_not_wild() -> None:

@@ -26,6 +26,7 @@ from ...core import (
     NoPrior,
     Smooth,
     Stack,
+    TableEffect,
     chain,
     node_shares,
     rooted,
@@ -171,7 +172,11 @@ class Design:
     def stack(self) -> Stack:
         """The components as a stack."""
         effects = [
-            part.table or ColumnsEffect(part.prior or NoPrior(len(part.places)))
+            part.table
+            or ColumnsEffect(
+                part.prior or NoPrior(len(part.places)),
+                least=TableEffect.least * self.largest[part.places],
+            )
             for part in self.components
         ]
         return Stack(tuple(effects), self.components[0].table is not None)
@@ -217,15 +222,18 @@ class Design:
     @cached_property
     def reached(self) -> Bool[np.ndarray, " n"]:
         """Unknowns that readings tell anything of: more than the noise of a position does."""
-        # Columns may be lengths and speeds: judged by the largest of one unit.
+        least = _REACHED * np.square(self.largest)
+        return np.asarray((self.diagonal >= least) & (self.diagonal > 0.0))
+
+    @cached_property
+    def largest(self) -> Float[np.ndarray, " n"]:
+        """What a reading sees of each unknown at most; of all of one unit, as of lengths, alike."""
         largest = abs(self.columns).max(axis=0).toarray().reshape(-1)
-        least = np.zeros(self.size)
         for component in self.components:
             places, effect = component.places, component.effect
-            sizes = largest[places]
-            mixed = effect is not None and not effect.one_unit
-            least[places] = _REACHED * np.square(sizes if mixed else sizes.max())
-        return np.asarray((self.diagonal >= least) & (self.diagonal > 0.0))
+            if effect is None or effect.one_unit:
+                largest[places] = largest[places].max()
+        return np.asarray(largest)
 
 
 def design_of(

@@ -111,7 +111,7 @@ class JointFit:
         noise: Standard deviation of one reading by axis in mm or °, wild ones left out.
         residual: Error − fit (run effects included) by axis; NaN where it was not used.
         share: Weight that the loss left each reading, 0 to 1, by axis.
-        wild: Readings that the loss rejected outright, by axis.
+        wild: Readings too far off to judge the noise by, by axis.
         runs: Offset and drift of each run against the datum, by axis.
         gauges: What may be moved between effects without changing the sum.
         confusions: What these data cannot tell apart.
@@ -230,7 +230,7 @@ def fit_joint(
         noise={axis: fit.estimate.noise for axis, fit in fits.items()},
         residual={a: fit.over_rows(fit.residual, np.nan) for a, fit in fits.items()},
         share={axis: fit.over_rows(fit.share, 0.0) for axis, fit in fits.items()},
-        wild={axis: fit.over_rows(~fit.active, False) for axis, fit in fits.items()},
+        wild={axis: fit.over_rows(~fit.counted, False) for axis, fit in fits.items()},
         runs=runs,
         gauges=gauges,
         confusions=confusions,

@@ -58,12 +58,13 @@ def some_of(names: Sequence[str], limit: int) -> str:
     return "; ".join(names[:limit]) + (f" and {omitted} more" if omitted > 0 else "")
 
 
-def wild_remark(wild: int, count: int) -> Remark:
+def wild_remark(wild: int, count: int, loss: str = "student") -> Remark:
     """Return that so many of all readings are wild: a warning from one in twenty on."""
     them, are = ("them", "are") if wild > 1 else ("it", "is")
+    does = f"limits the pull of {them}" if loss == "huber" else f"leaves {them} out"
     return Remark(
         "warning" if wild > _MANY_WILD * count else "info",
-        f"{wild} of {count} readings {are} wild: the fit leaves {them} out. rms and max are"
+        f"{wild} of {count} readings {are} wild: the fit {does}. rms and max are"
         f" given with and without {them}.",
     )
 

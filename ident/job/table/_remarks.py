@@ -96,7 +96,7 @@ def fit_remarks(
         doubt = doubt_of_places(beyond, count) + _pulled_ends(draft)
         yield Remark("warning" if doubt else "info", words + doubt)
     if wild:
-        yield wild_remark(wild, count)
+        yield wild_remark(wild, count, draft.fit.loss)
     if places:
         times = Counter(places).items()
         names = [place + (f" ({n} of them)" if n > 1 else "") for place, n in times]

@@ -71,11 +71,10 @@ def _loss(fit: TableResult) -> str:
     if not wild:
         return f"{how}; none of {grouped(size)} was rejected as wild."
     verb = "was" if wild == 1 else "were"
-    return (
-        f"{how}; {grouped(wild)} of {grouped(size)} "
-        f"({percent(wild / size)}) {verb} rejected as wild and "
-        "had no influence."
-    )
+    end = f"{verb} rejected as wild and had no influence."
+    if loss == "huber":
+        end = f"{verb} wild: figures leave them out, and their pull is limited."
+    return f"{how}; {grouped(wild)} of {grouped(size)} ({percent(wild / size)}) {end}"
 
 
 def _smoothness(weights: Mapping[str, float]) -> str:
