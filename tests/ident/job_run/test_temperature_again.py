@@ -73,6 +73,7 @@ def added(folder: Path) -> np.ndarray:
     return found
 
 
+@pytest.mark.parametrize("slope", [0.0, 12e-6])  # of the screw, whatever the warmth
 @pytest.mark.parametrize(
     ("acts", "status", "verdict", "code"),
     [
@@ -83,14 +84,14 @@ def added(folder: Path) -> np.ndarray:
     ],
 )
 def test_a_temperature_line_is_measured_again(
-    acts: float, status: int, verdict: str, code: str, tmp_path: Path
+    acts: float, status: int, verdict: str, code: str, slope: float, tmp_path: Path
 ) -> None:
     out = tmp_path / "out"
-    job = write(tmp_path, "job", GROWTH, "[]", FIT)
+    job = write(tmp_path, "job", GROWTH + slope * PLACE, "[]", FIT)
     assert main(["fit", str(job), "--out", str(out)]) == 0
     # Another day the zero of the instrument is another one.
     left = GROWTH + acts * added(out) + 0.002
-    after = write(tmp_path, "after", left, '["temperature"]', "")
+    after = write(tmp_path, "after", left + slope * PLACE, '["temperature"]', "")
     asked = ["fit", str(job), "--out", str(out), "--after", str(after)]
     assert main(asked) == status
     (one,) = json.loads((out / "result.json").read_text())["fits"]
