@@ -133,12 +133,13 @@ def without_zero_of(
 def arrays_of(
     effects: Sequence[AbstractEffect | Friction], data: Measurement | Roles
 ) -> dict[str, np.ndarray]:
-    """Return the arrays by role that the effects need, and runs and time.
+    """Return the arrays by role that the effects need, and runs, time and places of the axes.
 
     Errors of a measurement in motion are those that a standstill would show. What is masked
     is NaN; instants (``datetime64``) are seconds from the first one.
     """
-    wanted = ["run", "time"]
+    beside = ["run", "time", *(f"{one.axis}.position" for one in effects)]
+    wanted = list[str]()
     if isinstance(data, Measurement):
         axes = [one.axis for one in effects if isinstance(one, AbstractEffect)]
         data = without_motion(data, axes).with_gaps()
@@ -155,14 +156,14 @@ def arrays_of(
         if isinstance(one, AbstractEffect):
             wanted.append(f"{one.axis}.error")
     found: dict[str, np.ndarray] = {}
-    for role in dict.fromkeys(wanted):
+    for role in dict.fromkeys([*beside, *wanted]):
         if isinstance(data, Measurement):
             values = _measured(data, role)
         else:
             values = None if role not in data else _filled(data[role], role)
             if values is not None and role.endswith(".direction"):
                 values = _directions(values, role)
-        if values is None and role in ("run", "time") and role not in wanted[2:]:
+        if values is None and role not in wanted:
             continue
         if values is None:
             known = ", ".join(data) if isinstance(data, Mapping) else ""

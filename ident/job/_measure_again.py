@@ -24,6 +24,7 @@ from ..kinds import kind
 from ..proof import Diagnosis, Measured, diagnose, driving_axes, not_judged
 from ..readings import Tables, errors_in, read_outside
 from ._draft import AbstractDraft
+from .file._faults import MissingFileError
 from .file._load import Job, load_job
 from .file._schema import MeasurementSpec
 from .result._job_result import JobResult
@@ -108,7 +109,17 @@ def plan_second(
         for name, listing in axis.lists
     }
     if path is not None:
-        after = load_job(path, fits=False)
+        try:
+            after = load_job(path, fits=False)
+        except MissingFileError as error:
+            if named is not None or earlier is not None:
+                raise
+            # Lists that only this run writes, or readings that are yet to be taken.
+            words = (
+                f"The second measurement of [verify] does not count yet: {error}. Load the lists"
+                " of this run, measure again, and run the job once more."
+            )
+            return None, (Remark.warning(words),)
         _refuse_other_axes(job, after)
         _refuse_same_readings(job, after)
         name = job.relative(path)

@@ -459,6 +459,19 @@ def test_files_need_the_numbers_of_the_axes(tmp_path: Path) -> None:
         fit.write(tmp_path, lists={3: "a.lis"}, axes={"X": 1})
 
 
+def test_a_backlash_alone_is_written_with_the_places_that_its_fit_did_not_need(
+    tmp_path: Path,
+) -> None:
+    rng = np.random.default_rng(24)
+    x = np.tile(np.r_[0.0:401.0:40.0, 400.0:-1.0:-40.0], 5)
+    way = np.tile(np.repeat([1.0, -1.0], 11), 5)
+    error = -7e-3 * (way < 0) + 3e-4 * rng.standard_normal(len(x))
+    data = {"X.position": x, "X.error": error, "X.direction": way}
+    result = axcomp.fit([axcomp.Backlash("X")], data).write(tmp_path, axes={"X": 1})
+    assert result.passed
+    assert "lose" in (tmp_path / "achsmds1.add.lis").read_text()
+
+
 def test_what_no_write_has_made_is_not_written_over(tmp_path: Path) -> None:
     fit = axcomp.fit([SCREW], in_both_directions())
     job = tmp_path / "job.toml"

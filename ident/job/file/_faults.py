@@ -32,6 +32,10 @@ class JobError(TomlError):
     """A job that cannot be run: where in the job file, what was found and expected."""
 
 
+class MissingFileError(JobError):
+    """A job that names a file that is not there."""
+
+
 def error_at(path: Path, text: str, where: KeyPath, reason: str) -> JobError:
     """Return the error that a key is, or without one the job as a whole, ready to raise."""
     # As it would be written: ``fits[0].start``.

@@ -28,7 +28,7 @@ from ...exchange import (
 )
 from ...kinds._keys import KeyPath
 from ._checks import find_fault
-from ._faults import JobError, error_at, first_fault
+from ._faults import JobError, MissingFileError, error_at, first_fault
 from ._schema import JobFile
 
 _TABLES = ("kw.", "frict_comp.")
@@ -188,7 +188,8 @@ def load_job(path: Path, *, fits: bool = True) -> Job:
         file = job.file(name)
         if not file.is_file():
             kind = "a folder" if file.is_dir() else "no such file"
-            raise job.error(where, f"found {name!r}: {kind}, expected a file")
+            fault = job.error(where, f"found {name!r}: {kind}, expected a file")
+            raise MissingFileError(fault.source, fault.line, fault.reason)
         inputs.append(file)
     rules = StoredConventions()
     if spec.machine.conventions is not None:

@@ -525,6 +525,21 @@ def test_job_may_name_its_second_measurement(job: Path) -> None:
     assert found.second is not None
 
 
+def test_job_may_name_a_second_measurement_before_its_lists_are_there(
+    job: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    after = after_job(job.parent, 1.0)
+    lists = job.parent / "out"
+    shutil.rmtree(lists)
+    assert str(lists.name) in after.read_text()
+    job.write_text(job.read_text() + '[verify]\njob = "after.toml"\n')
+    assert fit(job) == 0
+    assert "of [verify] does not count yet" in " ".join(capsys.readouterr().out.split())
+    assert fitted(job)["verdict"] == "unproven"
+    assert fit(job) == 0
+    assert fitted(job)["verdict"] == "good"
+
+
 def test_new_lists_are_written_where_the_named_measurement_is_of_old_ones(
     job: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
