@@ -89,7 +89,8 @@ def fit_model(
         bounds: Pair (least, largest) per array, a number or an array each; None = free.
             Either a tree shaped like the model, or a mapping of names to pairs. optimistix
             starts again from where numbers rest on a limit, so that both solvers end at
-            the same optimum.
+            the same optimum where there is one. Of its solvers Levenberg-Marquardt serves
+            with limits; others may stop where a number rests on one.
         priors: Pair (mean, standard deviation) per array, in its unit; None = none.
         weights: Of the readings, relative; 0 leaves a reading out, NaN or not.
         groups: Number of the group of each reading, for `ModelFit.held_out`; left out: ten
@@ -183,6 +184,8 @@ def fit_model(
         return fit
     if not fit.converged:
         remedy = _HELP.get(fit.result, "other start values, bounds, or more max_steps")
+        if bounds is not None and solver not in ("ipopt", LEVENBERG_MARQUARDT):
+            remedy += ", or the default solver, since numbers may rest on a bound"
         msg = (
             f"the solve of fit_model ended as '{fit.result}' after {int(steps)} steps; "
             f"expected it to converge: {remedy}."
