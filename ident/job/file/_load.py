@@ -188,8 +188,8 @@ def load_job(path: Path, *, fits: bool = True) -> Job:
         file = job.file(name)
         if not file.is_file():
             kind = "a folder" if file.is_dir() else "no such file"
-            missing = job.error(where, f"found {name!r}: {kind}, expected a file")
-            raise MissingFileError(missing.source, missing.line, missing.reason)
+            gone = job.error(where, f"found {name!r}: {kind}, expected a file")
+            raise MissingFileError(gone.source, gone.line, gone.reason)
         inputs.append(file)
     rules = StoredConventions()
     if spec.machine.conventions is not None:
