@@ -1,5 +1,6 @@
 """What will act beside a fit, and did not while it was measured: handed on to it, or refused."""
 
+import contextlib
 import dataclasses
 from collections.abc import Container, Iterable, Iterator, Sequence
 
@@ -7,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ...data.lists import new_list
-from ..exchange import AxisLists, ExchangeError, to_add
+from ..exchange import AxisLists, ExchangeError, InUse, to_add
 from ..kinds import kind
 from ..kinds._keys import Fault, FitSpec
 from ..proof.axis import added_beyond
@@ -38,7 +39,10 @@ def leftovers(job: Job) -> dict[tuple[int, str], list["Acting"]]:
             used = before.used
         except ExchangeError:
             continue  # the checks of the lists say it
-        for where, reason in _conflicts(job, fit, before):
+        for where, reason in (
+            *_from_elsewhere(job, fit),
+            *_conflicts(job, fit, before),
+        ):
             raise job.error(where, reason)
         for name in _overlapping(job, fit, before):
             for source in fit.sources:
@@ -52,6 +56,24 @@ def leftovers(job: Job) -> dict[tuple[int, str], list["Acting"]]:
                 acting = Acting(job, fit.axis, name, before, words)
                 left.setdefault((index, source), []).append(acting)
     return left
+
+
+def _from_elsewhere(job: Job, fit: FitSpec) -> Iterator[Fault]:
+    """Yield what moves the axis of a fit from the list of another axis."""
+    number = job.spec.axes[fit.axis].number
+    for name, lists in job.lists.items():
+        entries = list[InUse]()
+        with contextlib.suppress(ExchangeError):  # the checks of the lists say it
+            entries += lists.in_use
+        for held in entries:
+            if held.axis == number and name != fit.axis:
+                yield (
+                    ("axes", name, "list"),
+                    f"found a {held.name} in {held.listing.source} that moves {fit.axis} by the"
+                    f" conventions of this machine: a job judges {fit.axis} by its own lists, so"
+                    " that both would correct the same error unseen; expected it in the list of"
+                    f" {fit.axis}, or left out, and measured without it",
+                )
 
 
 def hand_on(

@@ -280,15 +280,23 @@ class AxisLists:
         )
 
     @functools.cached_property
+    def in_use(self) -> tuple[InUse, ...]:
+        """What acts by these files, by some conventions on another axis.
+
+        Raises:
+            ExchangeError: If an entry that decides it is unreadable.
+        """
+        rules, lines = self.reading.conventions, self.reading.lines
+        return tuple(machine_lists(self.files).in_use(rules, lines))
+
+    @functools.cached_property
     def used(self) -> Mapping[str, InUse]:
         """What adds to the position of the axis, by compensation.
 
         Raises:
             ExchangeError: If an entry that decides it is unreadable.
         """
-        rules, lines = self.reading.conventions, self.reading.lines
-        entries = machine_lists(self.files).in_use(rules, lines)
-        mine = {entry.name: entry for entry in entries if entry.axis == self.axis}
+        mine = {entry.name: entry for entry in self.in_use if entry.axis == self.axis}
         places = [kind.name for kind in kinds() if not kind.adds_current]
         return {name: mine[name] for name in places if name in mine}
 

@@ -343,3 +343,18 @@ def test_a_group_beside_an_old_table_is_held_to_what_it_leaves_as_a_whole(
     assert "the leadscrew and backlash alone leave" in said
     assert "it and cross correct the same error" in said
     assert not (tmp_path / "out" / "achskw1.lis").exists()
+
+
+def test_a_cross_that_stands_in_the_list_of_its_master_is_not_overlooked(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    probe(tmp_path)
+    (tmp_path / "y.lis").write_text(cross_list(number=2, master=3))
+    (tmp_path / "rules.toml").write_text('cross_list = "master"\n')
+    job = (
+        AXES.replace("[axes.Z]", 'list = "y.lis"\n[axes.Z]') + measured("probe") + PLANE
+    )
+    # The other way round it is one of Y over Z, and no matter of the plane.
+    assert fit(tmp_path, job) == 0
+    assert fit(tmp_path, '[machine]\nconventions = "rules.toml"\n' + job) == 1
+    assert "axes.Y.list: found a cross in" in capsys.readouterr().err
