@@ -138,6 +138,19 @@ class Fit(Mapping[str, FittedEffect]):
     def __len__(self) -> int:
         return len(self.effects)
 
+    @property
+    def suspect_runs(self) -> dict[str, tuple[Any, ...]]:
+        """Runs by axis that contradict the others, as the readings name them.
+
+        A robust loss does not count them in the mean of all, which the constant is, unless
+        `remove` took off the mean of all readings.
+        """
+        found = {} if self.joint is None else self.joint.suspect_runs
+        names = np.unique(self.stated.readings.get("run", ()))
+        return {
+            a: tuple(names[list(runs)].tolist()) for a, runs in found.items() if runs
+        }
+
     def plot(self) -> "tuple[Axes, ...]":
         """Draw every effect into a panel of its own, and return the matplotlib axes."""
         from ._notebook import plot_fit
@@ -331,15 +344,16 @@ def fit(
             loss=loss,
             smoothness=smoothness if isinstance(smoothness, str) else float(smoothness),
             drift=drift,
+            all_runs=remove != "none",
         )
         noise |= joint.noise
         if (
             remove == "none"
         ):  # The mean of the runs is the machine's, which few do not tell.
-            doubts |= {
-                axis: scatter_of_runs(runs)[0] / max(len(runs), 1) ** 0.5
-                for axis, runs in joint.runs.items()
-            }
+            for axis, every in joint.runs.items():
+                aside = joint.fits[axis].design.course.aside
+                runs = [run for run in every if run.run not in aside]
+                doubts[axis] = scatter_of_runs(runs)[0] / max(len(runs), 1) ** 0.5
         constant |= {
             axis: (value, float(np.hypot(deviation, doubts.get(axis, 0.0))))
             for axis, (value, deviation) in joint.datum.items()

@@ -54,6 +54,12 @@ def _sentences(fit: "Fit") -> list[str]:
             " deviations are a guess, by the smoothness that the readings suggest. Read some"
             " places again."
         )
+    for axis, runs in fit.suspect_runs.items():
+        counts = "do not count" if every[axis].design.course.aside else "count"
+        named = ", ".join(map(str, runs))
+        sentences.append(
+            f"Runs of {axis} contradict the others, and {counts} in their mean: {named}."
+        )
     if not fit.converged:
         sentences.append("The iterations did not reach their tolerance.")
     return sentences

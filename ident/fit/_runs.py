@@ -6,7 +6,8 @@ import numpy as np
 import scipy.linalg
 import scipy.sparse as sp
 import scipy.sparse.linalg
-from jaxtyping import Float
+from jaxtyping import Float, Int
+from scipy.ndimage import median
 from scipy.special import stdtr, stdtrit
 
 from ..core import Readings, Stack, TableEffect
@@ -17,6 +18,8 @@ _RIDGE, _EXACT, _HARDLY = 1e-9, 1e-6, 0.05
 to which the table does it as well."""
 _FAR = 1e-3
 """Chance of any run at all being as far off the others, below which it is named."""
+_LOUD = 3.0
+"""A run with this many times the scatter of the median run is named."""
 TWO_SIGMA = 0.97725
 """Share of a normal variable below two standard deviations."""
 
@@ -86,6 +89,20 @@ def far_runs(runs: Sequence[RunEffect]) -> tuple[int, ...]:
     # Of two others the scatter is hardly known: as if of three.
     far = 2.0 * stdtr(max(count - 2, 2), -t) < _FAR / count
     return tuple(run.run for run, is_far in zip(runs, far, strict=True) if is_far)
+
+
+def suspect_runs(
+    runs: Sequence[RunEffect],
+    residual: Float[np.ndarray, " t"],
+    run: Int[np.ndarray, " t"] | None,
+) -> tuple[int, ...]:
+    """Return which of some runs contradict the others: far off them, or scattering far more."""
+    if len(runs) < 3 or run is None:
+        return ()
+    labels = np.array([effect.run for effect in runs])
+    scatter = np.asarray(median(np.abs(residual), run, labels))
+    loud = labels[scatter > _LOUD * np.median(scatter)].tolist()
+    return tuple(sorted({*loud, *far_runs(runs)}))
 
 
 def scatter_of_runs(runs: Sequence[RunEffect]) -> tuple[float, float]:

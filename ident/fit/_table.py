@@ -37,7 +37,7 @@ from ._result import (
     runs_apart,
     wild_readings,
 )
-from ._runs import far_runs, kept_by_table
+from ._runs import kept_by_table, suspect_runs
 from ._steps import Steps
 from ._types import Extent, Samples, Smoothness, TableFit
 
@@ -52,8 +52,6 @@ TOO_MANY = 0.1
 """Share of wild readings from which on not the readings are at fault but the table."""
 _GARBAGE = 0.5
 """Share of wild readings from which on a run is at fault."""
-_LOUD = 3.0
-"""A run with this many times the scatter of the median run is named."""
 
 
 @one_blas_thread()
@@ -252,16 +250,11 @@ class _InMemory:
             nodes=nodes,
         )
         residual = residual_of(stack, readings, fitted.values)
-        suspects: tuple[int, ...] = ()
-        if len(self.labels) > 2:
-            scatter = self.medians(np.abs(residual))
-            loud = self.labels[scatter > _LOUD * np.median(scatter)].tolist()
-            suspects = tuple(sorted({*loud, *far_runs(fit.runs)}))
         return dataclasses.replace(
             fit.doubted(self.steps.common(residual, wild)),
             residual=residual,
             wild=wild,
-            suspect_runs=suspects,
+            suspect_runs=suspect_runs(fit.runs, residual, self.samples.run),
         )
 
 

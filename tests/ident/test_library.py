@@ -699,10 +699,82 @@ def test_a_run_that_is_far_off_does_not_end_a_fit(
         loss=loss,
     )
     assert found.converged
-    # The mean of the runs, to the noise of a reading, and as uncertain as they are apart.
-    screw = found["leadscrew"]
-    assert np.mean(screw.model.pos) == pytest.approx(0.046 / 5, abs=1e-4)
-    assert np.min(screw.standard_deviation.pos) > 0.0046
+    # The mean of the other runs, to the noise of a reading.
+    assert np.mean(found["leadscrew"].model.pos) == pytest.approx(0.0, abs=1e-4)
+
+
+@pytest.mark.parametrize("loss", ["student", "gauss"])
+def test_a_run_that_contradicts_the_others_counts_as_in_the_files(
+    loss: Literal["student", "gauss"], tmp_path: Path
+) -> None:
+    # Every run counts alike, the short one too.
+    rng, nodes = np.random.default_rng(12), np.linspace(0.0, 200.0, 11)
+    target, run = np.tile(nodes, 5)[:-4], np.repeat(list("abcde"), 11)[:-4]
+    offsets = {"a": 1e-4, "b": -3e-4, "c": 2e-4, "d": 0.025, "e": 6e-4}
+    own = np.array([offsets[name] for name in run])
+    fit = axcomp.fit(
+        [axcomp.Leadscrew("X", start=0, interval=20, points=11)],
+        {"X.position": target, "X.error": own + 1e-4 * rng.normal(size=51), "run": run},
+        loss=loss,
+    )
+    assert fit.suspect_runs == {"X": ("d",)}
+    counts = "count" if loss == "gauss" else "do not count"
+    assert f"contradict the others, and {counts} in their mean: d." in str(fit)
+    screw = fit["leadscrew"]
+    counted = [offsets[name] for name in "abcde" if loss == "gauss" or name != "d"]
+    # Of 40 readings of 0.1 µm or more; runs that lie 0.4 µm, or 11 µm, apart leave the mean open.
+    assert np.mean(screw.model.pos) == pytest.approx(np.mean(counted), abs=5e-5)
+    deviation = np.mean(screw.standard_deviation.pos)
+    assert deviation > 5e-3 if loss == "gauss" else deviation < 5e-4
+    fit.write(tmp_path, axes={"X": 1})
+    (file,) = tmp_path.rglob("achskw1.lis")
+    written = axcomp.load_model(file)["leadscrew"]
+    # Half a unit of the list, and what the drift that a job grants each run makes of a node.
+    np.testing.assert_allclose(written.pos, screw.model.pos, rtol=0, atol=1.5e-4)
+    assert float(np.mean(written.pos - screw.model.pos)) == pytest.approx(0, abs=4e-5)
+
+
+def test_a_node_of_wild_readings_alone_leaves_the_others_as_certain_as_they_are() -> (
+    None
+):
+    rng, place = np.random.default_rng(0), np.repeat(np.arange(0.0, 101.0, 10.0), 8)
+    error = 1e-4 * rng.normal(size=88)
+    error[place == 50.0] = rng.choice([-1.0, 1.0], 8) * rng.uniform(3.0, 9.0, 8)
+    cross = axcomp.Cross("Y", master="X", start=0, interval=10, points=11)
+    data = {"X.position": place, "Y.error": error}
+    fit = axcomp.fit([cross], data, smoothness=0)
+    deviation = np.asarray(fit["cross"].standard_deviation.values)
+    # Eight readings of 0.1 µm each; 80 of them tell that to some 10 %.
+    others = np.delete(deviation, 5)
+    np.testing.assert_allclose(others, 1e-4 / np.sqrt(8.0), rtol=0.2)
+    assert deviation[5] > 0.1
+
+
+def test_what_wild_readings_alone_show_of_an_effect_is_named_and_ends_no_fit() -> None:
+    rng, place = np.random.default_rng(0), np.tile(np.arange(0.0, 101.0, 10.0), 6)
+    error, warm = 1e-4 * rng.normal(size=66), np.full(66, 21.0)
+    wild = [3, 17, 40]
+    warm[wild], error[wild] = 25.0, [4.0, -3.0, 5.0]
+    stack = [
+        axcomp.Leadscrew("X", start=0, interval=10, points=11),
+        axcomp.Temperature("X", sensor="s"),
+    ]
+    data = {"X.position": place, "X.error": error, "temperature.s": warm}
+    fit = axcomp.fit(stack, data)
+    assert np.flatnonzero(fit.joint.wild["X"]).tolist() == wild
+    # 63 readings of 0.1 µm on 11 nodes.
+    assert np.max(np.abs(fit["leadscrew"].model.pos)) < 1.5e-4
+    assert np.max(fit["leadscrew"].standard_deviation.pos) < 1e-4
+    assert "measure X at two temperatures of s" in str(fit)
+    # The same of a direction that only wild readings have.
+    way = np.ones(66)
+    way[[5, 16]], error = -1.0, np.where(warm > 21.0, 0.0, error)
+    error[[5, 16]] = 3.0, -5.0
+    stack = [axcomp.Leadscrew("X", start=0, interval=10, points=11, bilateral=True)]
+    data = {"X.position": place, "X.error": error, "X.direction": way}
+    screw = axcomp.fit(stack, data)["leadscrew"]
+    assert np.max(np.abs(screw.model.pos)) < 1.5e-4
+    assert np.max(screw.standard_deviation.pos) < 1e-4
 
 
 def test_a_plane_that_holds_a_cross_says_which_to_leave_out() -> None:

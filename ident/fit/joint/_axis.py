@@ -22,9 +22,10 @@ from ...core import (
     memory,
     one_blas_thread,
 )
+from .._runs import suspect_runs
 from .._table import fixed_weights
 from .._types import RunEffect, Smoothness
-from ._design import Design, design_of
+from ._design import Design, design_of, run_of
 from ._effect import TABLES, AbstractEffect, Rank
 from ._identified import Identified, identified
 from ._lag import WORTH, FoundLag, find_lags, lag_bounds, lagging, sensed_variances
@@ -43,19 +44,22 @@ class AxisFit:
     """A fitted axis.
 
     Attributes:
-        known: What its rows tell, whatever was measured in them.
+        design: Columns.
         estimate: Of its stack.
         lags: By sensor.
     """
 
-    known: Identified
+    design: Design
     estimate: Estimate
     lags: Mapping[str, FoundLag]
 
-    @property
-    def design(self) -> Design:
-        """Columns."""
-        return self.known.design
+    @cached_property
+    def known(self) -> Identified:
+        """What the rows tell, whatever was measured; what only wild ones reach none does."""
+        every, believed = self.design, self.design.take(self.active)
+        same = np.array_equal(believed.reached, every.reached)
+        same = same and believed.unheld.shape == every.unheld.shape
+        return identified(every if same else believed)
 
     @cached_property
     def theta(self) -> Float[np.ndarray, " n"]:
@@ -184,6 +188,14 @@ class AxisFit:
             result[sensor] = float(np.sqrt(variance))
         return result
 
+    @property
+    def suspects(self) -> tuple[int, ...]:
+        """Runs that contradict the others; of those whose zero is the machine's."""
+        design, own = self.design, self.design.course.counted
+        runs = [each for k, each in enumerate(self.runs()) if not own or own[k]]
+        run = run_of(design.data, design.axis, design.rows)
+        return suspect_runs(runs, self.residual, run)
+
     def runs(self) -> tuple[RunEffect, ...]:
         """Return offset and drift of each run against the datum."""
         design = self.design
@@ -233,7 +245,7 @@ def fit_axis(
     else:
         # Nothing to find, or no end to it.
         fit = dataclasses.replace(fit, converged=fit.converged and not sensors)
-    found = AxisFit(identified(design), fit, lags)
+    found = AxisFit(design, fit, lags)
     vague = [
         s for s, lag in lags.items() if _SURE * found.lag_deviation[s] > lag.value > 0.0
     ]
@@ -244,7 +256,7 @@ def fit_axis(
     design = lagging(design, values)
     none = {s: dataclasses.replace(lags[s], value=0.0, deviation=0.0) for s in vague}
     fit = estimated(design, fit)
-    return AxisFit(identified(design), fit, lags | none)
+    return AxisFit(design, fit, lags | none)
 
 
 def _start(
@@ -303,4 +315,8 @@ def _estimated(
     over = memory(design.stack, Readings(error, {}), design.columns)
     floor = max(least_scale(error), design.steps.size)
     passes = Passes(design.stack, over, loss, weights, floor, design.pins, rough)
-    return passes.run(start, near)
+    try:
+        return passes.run(start, near)
+    except FitError:
+        # Only readings that are wild may show a part of what they all determine.
+        return dataclasses.replace(passes, pins=design.pins_by).run(start, near)

@@ -7,7 +7,7 @@ an effect: they cannot be confused with anything.
 """
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -26,6 +26,7 @@ from ...core import (
     NoPrior,
     Smooth,
     Stack,
+    Sums,
     TableEffect,
     chain,
     node_shares,
@@ -53,6 +54,7 @@ class Course:
         pieces: Of the stated drift of each run; 0 = an offset alone.
         steps: Of the bridge upon each piece; one has no bridge.
         counted: Whether the zero of each run is the machine's; empty: all are alike.
+        aside: Runs that contradict the others, and do not count in their mean.
     """
 
     runs: tuple[int, ...] = ()
@@ -60,6 +62,14 @@ class Course:
     pieces: int = 0
     steps: int = 1
     counted: tuple[bool, ...] = ()
+    aside: tuple[int, ...] = ()
+
+    def counts(self, seen: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
+        """Return how much each value of the runs counts in the mean of all: 1, or 0."""
+        counted = np.array(self.counted or [True] * len(self.runs))
+        counted &= ~np.isin(self.runs, self.aside)
+        result = np.repeat(counted, len(seen) // len(counted)) * (seen > 0.0)
+        return result.astype(float) if result.any() else seen
 
     @property
     def walk(self) -> Independent:
@@ -76,7 +86,7 @@ class Course:
         """Return the columns of offsets and bridges; rows of other runs have none of them."""
         if not self.runs:
             return {}
-        run, labels = _run_of(data, axis, rows), np.array(self.runs)
+        run, labels = run_of(data, axis, rows), np.array(self.runs)
         index = np.minimum(np.searchsorted(labels, run), len(labels) - 1)
         place = np.zeros(len(rows))
         if self.spans and data.time is not None:
@@ -156,6 +166,8 @@ class Design:
 
     def take(self, keep: Bool[np.ndarray, " r"]) -> "Design":
         """Return the design of some of its rows."""
+        if keep.all():
+            return self
         rows, columns = self.rows[keep], self.columns[keep]
         return dataclasses.replace(self, rows=rows, columns=columns)
 
@@ -200,14 +212,21 @@ class Design:
     @cached_property
     def unheld(self) -> Float[np.ndarray, "n g"]:
         """Directions that neither rows nor smoothness hold, one per column."""
+        return self._unheld(lambda values: self.information @ values)
+
+    def _unheld(self, apply: Callable[[np.ndarray], Any]) -> Float[np.ndarray, "n g"]:
         priors = (prior.straight for prior, _, _ in self.stack.priors)
         straight = np.asarray(scipy.linalg.block_diag(*priors))
-        return np.asarray(straight @ rooted(self.over(straight))[1])
+        return np.asarray(straight @ rooted(straight.T @ apply(straight))[1])
 
     @property
     def pins(self) -> Float[np.ndarray, " n"]:
         """Precisions of single unknowns that hold these directions."""
         return pins_of(self.unheld, self.diagonal)
+
+    def pins_by(self, sums: Sums) -> Float[np.ndarray, " n"]:
+        """Return these precisions for the readings that count in some sums."""
+        return pins_of(self._unheld(sums.apply), sums.diagonal)
 
     @property
     def free(self) -> int:
@@ -302,17 +321,16 @@ def _nuisance(
         line = chain(np.linspace(0.0, 1.0, course.pieces + 1))
         prior = Smooth((line,), len(course.runs), np.arange(len(places)))
     name = f"{rank.name.lower()} of {axis}"
-    level, reference = "the run effects sum up to zero", None
-    if rank == Rank.RUNS and course.counted:
+    level = "the run effects sum up to zero"
+    if course.counted:
         level = "those of runs whose zero is the machine's sum up to zero"
-        knots = len(places) // len(course.runs)
-        reference = np.repeat(np.array(course.counted, dtype=float), knots)[None]
-    return Component(name, rank, places, prior=prior, reference=reference, level=level)
+    return Component(name, rank, places, prior=prior, level=level)
 
 
-def _run_of(
+def run_of(
     data: JointData, axis: str, rows: Int[np.ndarray, " r"]
 ) -> Int[np.ndarray, " r"]:
+    """Return the run of some rows; 0 without runs."""
     run = data.run_of(axis)
     return np.zeros(len(rows), np.int64) if run is None else run[rows]
 
@@ -321,7 +339,7 @@ def _course(
     data: JointData, axis: str, rows: Int[np.ndarray, " r"], drift: int, wander: bool
 ) -> Course:
     """Return what the reference does; one run alone has no offset."""
-    labels, index = np.unique(_run_of(data, axis, rows), return_inverse=True)
+    labels, index = np.unique(run_of(data, axis, rows), return_inverse=True)
     runs = tuple(labels.tolist())
     counted: tuple[bool, ...] = ()
     if data.own_zero is not None and len(runs) > 1:

@@ -113,6 +113,7 @@ class JointFit:
         share: Weight that the loss left each reading, 0 to 1, by axis.
         wild: Readings too far off to judge the noise by, by axis.
         runs: Offset and drift of each run against the datum, by axis.
+        suspect_runs: Those that contradict the others, by axis.
         gauges: What may be moved between effects without changing the sum.
         confusions: What these data cannot tell apart.
         fits: Of each axis: its stack, and what its rows tell, with the rules of the gauge.
@@ -124,6 +125,7 @@ class JointFit:
     share: Mapping[str, Float[np.ndarray, " t"]]
     wild: Mapping[str, Bool[np.ndarray, " t"]]
     runs: Mapping[str, tuple[RunEffect, ...]]
+    suspect_runs: Mapping[str, tuple[int, ...]]
     gauges: tuple[Gauge, ...]
     confusions: tuple[Confusion, ...]
     fits: Mapping[str, AxisFit] = dataclasses.field(repr=False)
@@ -185,14 +187,16 @@ def fit_joint(
     smoothness: Smoothness = "auto",
     drift: int = 0,
     use: Bool[np.ndarray, " t"] | None = None,
+    all_runs: bool = False,
 ) -> JointFit:
     r"""Fit any stack of effects on one or several axes together.
 
     Per compensated axis $e = d + \sum_k X_k \theta_k + \text{run} + \varepsilon$ with a
     constant $d$ (the datum): tables as Gaussian fields as in `fit_table`, all smoothness
     weights by the evidence of all effects together. What may be moved between effects without
-    changing the sum is fixed by rules that do not depend on the errors (`JointFit.gauges`); what
-    the data cannot tell is named (`JointFit.confusions`), its standard deviations are infinite.
+    changing the sum is fixed by rules (`JointFit.gauges`) that know of the errors only which runs
+    contradict the others, and where all readings are wild; what the data cannot tell is named
+    (`JointFit.confusions`), its standard deviations are infinite.
 
     Args:
         data: Readings; rows that lack what an axis needs are left out for that axis.
@@ -203,6 +207,7 @@ def fit_joint(
         drift: Pieces of the drift of each run; 0 = an offset per run only, and that only
             where there are several runs. Between these pieces' knots the reference wanders.
         use: Rows to fit; None = all. The others serve as history of lags only.
+        all_runs: Count runs that contradict the others in the mean of all, as ``"gauss"`` does.
 
     Raises:
         FitError: If an input is missing, or the readings do not determine the effects.
@@ -222,6 +227,14 @@ def fit_joint(
         # Axes share no unknowns; their matrix products leave the interpreter free.
         with ThreadPoolExecutor(os.cpu_count()) as pool:
             fits = dict(zip(groups, pool.map(fitted, groups), strict=True))
+        suspects = {axis: fit.suspects for axis, fit in fits.items()}
+        for axis, aside in suspects.items():
+            if aside and loss != "gauss" and not all_runs:
+                # A run that contradicts the others must not pull their mean.
+                design = fits[axis].design
+                course = dataclasses.replace(design.course, aside=aside)
+                design = dataclasses.replace(design, course=course)
+                fits[axis] = dataclasses.replace(fits[axis], design=design)
         parts = {part.name: part for fit in fits.values() for part in _parts(fit)}
         runs = {axis: fit.runs() for axis, fit in fits.items()}
         gauges, confusions = words_of(fit.known for fit in fits.values())
@@ -232,6 +245,7 @@ def fit_joint(
         share={axis: fit.over_rows(fit.share, 0.0) for axis, fit in fits.items()},
         wild={axis: fit.over_rows(~fit.counted, False) for axis, fit in fits.items()},
         runs=runs,
+        suspect_runs=suspects,
         gauges=gauges,
         confusions=confusions,
         fits=fits,
@@ -292,7 +306,7 @@ def _held_out(
     sums = sums_by_group(estimate, Readings(error, {}), columns, groups)
     if len(sums) < 2:
         return residual  # without its only group nothing is known
-    designs = {label: design.take(groups != label) for label in sums}
+    designs = {label: design.take(fit.active & (groups != label)) for label in sums}
     pins = {label: slim.pins for label, slim in designs.items()}
     counted = np.ones(design.size, bool)
     if not runs:

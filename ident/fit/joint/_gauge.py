@@ -150,7 +150,9 @@ def _eliminated(
             continue
         weights = part.reference if rank == 1 else None
         if weights is None:
-            weights = left[:, :rank].T * touched[part.places]
+            seen = touched[part.places]
+            counts = design.course.counts(seen) if part.rank == Rank.RUNS else seen
+            weights = left[:, :rank].T * counts
         functional = np.zeros((rank, design.size))
         functional[:, part.places] = weights
         rows.append(functional)

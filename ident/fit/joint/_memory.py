@@ -190,7 +190,8 @@ class Memory:
             return moves
         basis = scipy.linalg.orth(runs, rcond=SINGULAR)
         levels = basis @ (basis.T @ moves)
-        effects = self.fit.runs()
+        aside = self.fit.design.course.aside
+        effects = [effect for effect in self.fit.runs() if effect.run not in aside]
         # Those of runs by themselves; in a drift all err alike.
         apart = scatter_of_runs(effects)[0]
         most = np.square(apart * np.abs(runs.T @ moves).sum(axis=0))

@@ -258,12 +258,16 @@ def _fit(
     effects: Sequence[AbstractEffect],
 ) -> JointFit:
     tables = [member.fit for member in members if member.kind.table]
+    specs = members[0].job.spec.measurements
+    # Where its zero is the instrument's, the mean of all readings was taken off.
+    removed = {specs[source].remove for source in recording.slices}
     return fit_joint(
         recording.data,
         effects,
         loss=members[0].fit.loss,
         smoothness=tables[0].smoothness if tables else "auto",
         drift=recording.drift,
+        all_runs="none" not in removed,
     )
 
 

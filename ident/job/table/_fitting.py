@@ -256,6 +256,9 @@ def _fit_of_share(plan: Plan, share: "Share") -> TableFit:
     support = np.asarray(part.effect.table(part.support.astype(float)))
     # What only neighbours of the same table hide is filled like any other gap.
     hidden = ~np.isfinite(deviation)
+    suspects = share.fit.suspect_runs[plan.axis]
+    if plan.fit.loss != "gauss":
+        suspects = share.fit.fits[plan.axis].design.course.aside
     deviation[hidden] = float(np.std(part.table))
     support = np.where(hidden, 0.0, support).astype(np.int64)
     return TableFit(
@@ -270,7 +273,7 @@ def _fit_of_share(plan: Plan, share: "Share") -> TableFit:
         wild=share.wild,
         runs=tuple(share.fit.runs.get(plan.axis, ())),
         suspect_nodes=(),
-        suspect_runs=(),
+        suspect_runs=suspects,
         covariance=sp.csr_array((0, 0)),
         converged=share.fit.converged,
         message=share.fit.fits[plan.axis].message,
