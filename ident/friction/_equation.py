@@ -15,7 +15,7 @@ from jaxtyping import Bool, Float, Int
 
 from ...data.signals import decimate
 from ._samples import DriveSamples, Trace, check_samples
-from ._structures import KNOTS, SUFFIXES, AbstractStructure, Shape, default_knots
+from ._structures import SUFFIXES, AbstractStructure, KnotTable, Shape, default_knots
 
 _REACH = 10
 """Half the length of the filter in rows."""
@@ -23,6 +23,8 @@ _MOSTLY = 0.7
 """Share of the filter in motion of a row that tells of friction."""
 _RATE = 100.0
 """Rows per s where nothing else is asked for."""
+_REST = 1e-3
+"""Share of the slowest speed held that is as good as rest."""
 
 
 @final
@@ -121,14 +123,16 @@ class Recording:
     def knots(self) -> tuple[float, ...]:
         """Knots of a free table in mm/s, at speeds that rows hold.
 
-        What an axis passes within a row, as at a turn, would take up what no law explains.
+        What an axis passes within a row, as at a turn, would take up what no law explains: it has
+        one knot beside rest, else knots above would share it with alternating signs.
         """
         velocity, rows = self.samples.velocity, self.centres[self.usable]
         if self.factor > 1:
             change = velocity[rows + self.factor] - velocity[rows - self.factor]
             rows = rows[2.0 * np.abs(velocity[rows]) > np.abs(change)]
         held = np.abs(velocity[rows])
-        return default_knots(held if held.any() else self.speed, KNOTS)
+        knots = default_knots(held if held.any() else self.speed)
+        return (_REST * knots[0], *knots) if self.factor > 1 else knots
 
     @cached_property
     def beside(self) -> Float[np.ndarray, "s f"]:
@@ -231,6 +235,9 @@ class Equation:
         fixed = len(names)
         unit = np.eye(fixed + len(structure.names))
         beside, to_law = unit[:fixed], unit[fixed:]
+        if isinstance(structure, KnotTable) and structure.held:
+            count = len(structure.knots)
+            to_law[::count] = to_law[1::count]
         words, sums = structure.reported
         if structure.directional:
             words = tuple(name + suffix for suffix in SUFFIXES for name in words)

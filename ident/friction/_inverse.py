@@ -18,7 +18,7 @@ from scipy.optimize import least_squares
 from ..core import FitError, rooted
 from ._equation import Equation, in_line
 from ._result import FrictionFit, lag_of
-from ._structures import GAUSS, CoulombViscous, Shape, Stribeck
+from ._structures import GAUSS, CoulombViscous, KnotTable, Shape, Stribeck
 from ._weights import Rows, View, Weights, orthonormal
 
 _DROP = 3.0
@@ -48,6 +48,11 @@ def fit_carried(equation: Equation, weights: Weights) -> FrictionFit:
     free = len(structure.shapes) > 1
     first = Stribeck(structure.directional, GAUSS) if free else structure
     fit = fit_equation(equation.under(first), weights)
+    if isinstance(structure, KnotTable) and equation.recording.factor > 1:
+        # Friction that falls towards rest is what turns leave of it: no law.
+        rest, slowest = fit.factors.reshape(structure.ways, -1)[:, :2].T
+        held = dataclasses.replace(structure, held=bool((rest < slowest).any()))
+        return dataclasses.replace(fit, equation=equation.under(held))
     fit = gaussian = dataclasses.replace(fit, assumed=free)
     if free and (_drop_reason(fit) is not None or fit.asks_for_exponent):
         fit = fit_equation(equation, weights)

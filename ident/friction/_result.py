@@ -276,14 +276,13 @@ class FrictionFit:
     @property
     def gauges(self) -> tuple[str, ...]:
         """Sentences on what can only be told together."""
-        fixed, structure = self.equation.fixed_names, self.structure
+        structure, offset = self.structure, self.loads[1]
         recorded = self.equation.recording.samples.directions
         parted = structure.directional
         if not parted and all(recorded):
             return ()
         mean = structure.levels / structure.levels.sum()
-        levels = self.state[len(fixed) :].reshape(structure.ways, -1) @ mean
-        offset = 0.0 if parted else self.state[fixed.index("offset")]
+        levels = self.factors.reshape(structure.ways, -1) @ mean
         parts = [f"level⁺ + offset = {levels[0] + offset:.4g}"] * recorded[0]
         parts += [f"level⁻ − offset = {levels[-1] - offset:.4g}"] * recorded[1]
         rule = "; the offset is chosen so that both levels are equal"

@@ -267,9 +267,11 @@ class KnotTable(AbstractStructure):
 
     Attributes:
         knots: Speeds in mm/s, ascending, at least two.
+        held: Whether the law is held below the second knot, whatever the first shows.
     """
 
     knots: tuple[float, ...] = ()
+    held: bool = False
 
     @property
     def label(self) -> str:
@@ -312,7 +314,7 @@ class KnotTable(AbstractStructure):
         return tables[0] if len(tables) == 1 else DirectionalTable(*tables)
 
 
-def default_knots(speed: Trace, count: int) -> tuple[float, ...]:
+def default_knots(speed: Trace, count: int = KNOTS) -> tuple[float, ...]:
     """Return at most ``count`` knots in mm/s: half of them by time, half by even logarithms."""
     speeds = np.sort(speed[speed > 0])
     # The slowest few samples are mostly what a filter made of a standstill.
