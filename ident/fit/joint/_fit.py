@@ -243,7 +243,12 @@ def fit_joint(
         noise={axis: fit.estimate.noise for axis, fit in fits.items()},
         residual={a: fit.over_rows(fit.residual, np.nan) for a, fit in fits.items()},
         share={axis: fit.over_rows(fit.share, 0.0) for axis, fit in fits.items()},
-        wild={axis: fit.over_rows(~fit.counted, False) for axis, fit in fits.items()},
+        wild={
+            axis: fit.over_rows(
+                ~(fit.counted if loss == "huber" else fit.active), False
+            )
+            for axis, fit in fits.items()
+        },
         runs=runs,
         suspect_runs=suspects,
         gauges=gauges,

@@ -136,7 +136,11 @@ class Job:
         # A second job may be a copy that names itself.
         if self.spec.verify is None or not self.spec.fits:
             return ()
-        second = load_job(self.file(self.spec.verify.job), fits=False)
+        path = self.file(self.spec.verify.job)
+        try:
+            second = load_job(path, fits=False)
+        except MissingFileError:
+            return (path,)  # it does not count yet
         rules = second.spec.machine.conventions
         settled = None if rules is None else second.file(rules)
         return tuple(file for file in second.inputs if file != settled)

@@ -174,7 +174,9 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
     when = np.argsort(readings.order, kind="stable")
     left, wild = np.asarray(fit.residual)[when], np.asarray(fit.wild)[when]
     of_nodes = Passes.of(plan, samples.take(when), left, wild)
-    fit, alike = as_passes_differ(plan, of_nodes, samples, fit)
+    alike = list[Remark]()
+    if np.isfinite(left[~wild]).sum() >= LOG:
+        fit, alike = as_passes_differ(plan, of_nodes, samples, fit)
     remarks += [*alike, *one_way(plan, readings, fit)]
     if finer:
         words = "There are more nodes than readings: the prior fills in between."

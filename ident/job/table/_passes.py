@@ -105,7 +105,7 @@ def as_passes_differ(
     passes = passes.whole()
     node, size, mean = passes.node, passes.size, passes.mean
     free = len(node) - len(np.unique(node))
-    if size.sum() < LOG or free < _PASSES:
+    if free < _PASSES:
         return fit, []
     middle = np.bincount(node, size * mean) / np.maximum(np.bincount(node, size), 1)
     within = float(np.sum(size * (passes.square - mean**2)) / np.sum(size - 1))

@@ -42,8 +42,8 @@ if TYPE_CHECKING:
 _LINE = KIND.prefix
 _SHOWS = 0.1
 """Scatter of a reading that a line must add to show how many times it acts."""
-_TOLD = 0.1
-"""Standard deviation of how many times a line acts up to which readings tell that."""
+_SURE = 5.0
+"""Standard deviations from which on a slope is one that does not follow the temperature."""
 _MORE = 0.05
 """Share of the temperatures of a law beyond which it is held for long enough to matter."""
 _JUDGED = 20_000
@@ -180,31 +180,25 @@ class TemperatureDraft(AbstractDraft):
         finite = np.isfinite(readings.error[self.axis]) & np.isfinite(predicted)
         error, predicted = readings.error[self.axis][finite], predicted[finite]
         place, warmth = place[finite], np.stack(warm, axis=1)[finite]
-        along = place - place.mean()
+        # What the first fit left beside its law, as the slope of a screw, is left here as well.
+        error = error - self._still * (place - place.mean())
         if (run := readings.run_of(self.axis)) is not None:
             # The instrument was zeroed anew in each: what it shows is the change within.
-            error, predicted, along = (
-                about_runs(each, run[finite]) for each in (error, predicted, along)
+            error, predicted = (
+                about_runs(each, run[finite]) for each in (error, predicted)
             )
         within = self._within(warmth)
         # The zero is where the line takes nothing off, as in the first measurement: the
         # middle of the readings is another one, where the line is not what it should be.
-        zero = np.full(len(error), np.median(error))
-        factor, near = None, ""
+        zero, factor, near = float(np.median(error)), None, ""
         scatter = float(self.foreseen.predicted[~self.foreseen.wild].std())
         counts = int(within.sum()) >= FEWEST
         if counts and np.std(predicted[within]) > _SHOWS * scatter:
-            columns = np.stack([predicted, np.ones(len(error)), along], axis=1)
-            # A slope that does not follow the temperature is left as the first fit left it, unless
-            # a table holds it, where these readings tell it from the growth.
-            alone = sum(each.axis == self.axis for each in self.job.spec.fits) == 1
-            for part in (columns[:, :2], columns)[: 1 + alone]:
-                with contextlib.suppress(FitError):
-                    fitted = regress(part[within], error[within])
-                    deviation = float(fitted.standard_deviation[0])
-                    if factor is None or deviation < _TOLD:
-                        factor = 1.0 - float(fitted.coefficients[0]), deviation
-                        zero = part[:, 1:] @ fitted.coefficients[1:]
+            with contextlib.suppress(FitError):
+                columns = np.stack([np.ones(len(error)), predicted], axis=1)[within]
+                fitted = regress(columns, error[within])
+                zero, remaining = map(float, fitted.coefficients)
+                factor = 1.0 - remaining, float(fitted.standard_deviation[1])
         if counts:
             some = np.flatnonzero(within)[:: -(-int(within.sum()) // _JUDGED)]
             at, left = warmth[some].round(1), (error - zero)[some]
@@ -227,6 +221,31 @@ class TemperatureDraft(AbstractDraft):
             near=near,
             beyond=self._beyond(within),
         )
+
+    @functools.cached_property
+    def _still(self) -> float:
+        """Slope in mm/mm that the first readings show, whatever the temperature; 0 for none.
+
+        Where a table is fitted as well, it holds that.
+        """
+        fit, place = self.found, self.found.position
+        fits = [each for each in self.job.spec.fits if each.axis == self.axis]
+        if place is None or len(fits) > 1:
+            return 0.0
+        data = self.share.recording.data
+        error, along = data.error[self.axis][self.share.rows], place - place.mean()
+        predicted = fit.predict(fit.structure, place)
+        if (run := data.run_of(self.axis)) is not None:
+            run = run[self.share.rows]
+            error, predicted, along = (
+                about_runs(each, run) for each in (error, predicted, along)
+            )
+        columns = np.stack([along, predicted, np.ones(len(error))], axis=1)
+        with contextlib.suppress(FitError):
+            found = regress(columns, error)
+            if abs(found.coefficients[0]) > _SURE * found.standard_deviation[0]:
+                return float(found.coefficients[0])
+        return 0.0
 
     def _unseen(
         self, place: Float[np.ndarray, " t"], warmth: Float[np.ndarray, "t s"]

@@ -195,7 +195,7 @@ def remarks_of(draft: "TemperatureDraft") -> Iterator[Remark]:
     yield from _too_quick(draft)
     yield from _too_hot(draft)
     if wild := int(fit.wild.sum()):
-        yield wild_remark(wild, fit.wild.size)
+        yield wild_remark(wild, fit.wild.size, draft.fit.loss)
     if fit.missed:
         yield Remark.info(f"{fit.missed} readings were missed or incomplete.")
     yield from _undetermined(draft)
