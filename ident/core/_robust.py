@@ -185,7 +185,7 @@ class Passes:
             few readings beside the unknowns to tell wild ones make it least squares.
         weights: Weights of the prior for a problem; None: by evidence.
         floor: Smallest scale of residuals to believe in, in mm or °.
-        pins: Precision by which unknowns are held that nothing else determines, or that by sums.
+        pins: Precision by which unknowns are held that nothing else determines.
         rough: Whether to end at the first search for the evidence: a fit on the way to another.
     """
 
@@ -194,7 +194,7 @@ class Passes:
     loss: str
     weights: Callable[[Problem], Vector] | None = None
     floor: float = 1e-12
-    pins: Vector | Callable[[Sums], Vector] | None = None
+    pins: Vector | None = None
     rough: bool = False
 
     def run(
@@ -212,7 +212,7 @@ class Passes:
             raise FitError(msg)
         if near is not None and near.loss != Loss():
             matrix = self.over(near.values, near.loss, None)
-            problem = self._problem(matrix, near.values)
+            problem = Problem.of(matrix, near.values, pins=self.pins)
             post = near.posterior
             weights = post.weights if self.weights is None else self.weights(problem)
             post = _known(problem.at(weights))
@@ -228,7 +228,7 @@ class Passes:
         size, count = matrix.sizes
         scale = choose_loss("gauss", size, 1.0, self.floor, count).scale
         tolerant = self.over(theta, Loss(scale, corner=WILD), matrix)
-        problem = self._problem(tolerant, theta)
+        problem = Problem.of(tolerant, theta, pins=self.pins)
         total = float(matrix.tally[0])
         try:
             first = self._robust(_known(problem.at(self._light(problem))), total)
@@ -250,15 +250,11 @@ class Passes:
         more = other.posterior.problem.count > first.posterior.problem.count
         return other if more and other.noise < 0.5 * first.noise else first
 
-    def _problem(self, sums: Sums, theta: Vector, gain: float = 1.0) -> Problem:
-        pins = self.pins(sums) if callable(self.pins) else self.pins
-        return Problem.of(sums, theta, gain, pins)
-
     def _least_squares(self, matrix: Sums, theta: Vector) -> Posterior:
-        problem = self._problem(matrix, theta)
+        problem = Problem.of(matrix, theta, pins=self.pins)
         # About the values themselves the sums keep all their digits.
         values = _known(problem.at(self._light(problem))).values
-        problem = self._problem(matrix.moved(values - theta), values)
+        problem = Problem.of(matrix.moved(values - theta), values, pins=self.pins)
         if self.weights is None:
             return _known(choose_weights(problem))
         return _known(problem.at(self.weights(problem)))
@@ -288,7 +284,7 @@ class Passes:
                 active = float(sums.tally[0])
             factor = None if full else post.factor
             gain = max(float(sums.tally[1] / max(sums.tally[0], 1.0)), 0.1)
-            problem = self._problem(sums, about, gain)
+            problem = Problem.of(sums, about, gain, self.pins)
             weights = post.weights if self.weights is None else self.weights(problem)
             post = _known(problem.at(weights, factor))
             trail = [*trail[-1:], (about, post.values - about)]

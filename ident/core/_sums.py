@@ -93,8 +93,8 @@ class Sums:
         """Information on each unknown alone."""
         return np.concatenate([self.diagonals[:, 0], np.diag(self.border)])
 
-    def apply(self, values: Float[np.ndarray, "u *k"]) -> Float[np.ndarray, "u *k"]:
-        """Return $A^T W A$ × values, or columns of them."""
+    def apply(self, values: Float[np.ndarray, " u"]) -> Vector:
+        """Return $A^T W A$ × values."""
         if not self.stack.band:
             return np.asarray(self.border @ values)
         band, rest = np.split(values, [self.stack.band])

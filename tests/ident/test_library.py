@@ -750,33 +750,6 @@ def test_a_node_of_wild_readings_alone_leaves_the_others_as_certain_as_they_are(
     assert deviation[5] > 0.1
 
 
-def test_what_wild_readings_alone_show_of_an_effect_is_named_and_ends_no_fit() -> None:
-    rng, place = np.random.default_rng(0), np.tile(np.arange(0.0, 101.0, 10.0), 6)
-    error, warm = 1e-4 * rng.normal(size=66), np.full(66, 21.0)
-    wild = [3, 17, 40]
-    warm[wild], error[wild] = 25.0, [4.0, -3.0, 5.0]
-    stack = [
-        axcomp.Leadscrew("X", start=0, interval=10, points=11),
-        axcomp.Temperature("X", sensor="s"),
-    ]
-    data = {"X.position": place, "X.error": error, "temperature.s": warm}
-    fit = axcomp.fit(stack, data)
-    assert np.flatnonzero(fit.joint.wild["X"]).tolist() == wild
-    # 63 readings of 0.1 µm on 11 nodes.
-    assert np.max(np.abs(fit["leadscrew"].model.pos)) < 1.5e-4
-    assert np.max(fit["leadscrew"].standard_deviation.pos) < 1e-4
-    assert "measure X at two temperatures of s" in str(fit)
-    # The same of a direction that only wild readings have.
-    way = np.ones(66)
-    way[[5, 16]], error = -1.0, np.where(warm > 21.0, 0.0, error)
-    error[[5, 16]] = 3.0, -5.0
-    stack = [axcomp.Leadscrew("X", start=0, interval=10, points=11, bilateral=True)]
-    data = {"X.position": place, "X.error": error, "X.direction": way}
-    screw = axcomp.fit(stack, data)["leadscrew"]
-    assert np.max(np.abs(screw.model.pos)) < 1.5e-4
-    assert np.max(screw.standard_deviation.pos) < 1e-4
-
-
 def test_a_plane_that_holds_a_cross_says_which_to_leave_out() -> None:
     # Nodes every 50 and every 80 mm: almost all that one of them follows the other does.
     rng = np.random.default_rng(1)

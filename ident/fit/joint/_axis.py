@@ -315,8 +315,4 @@ def _estimated(
     over = memory(design.stack, Readings(error, {}), design.columns)
     floor = max(least_scale(error), design.steps.size)
     passes = Passes(design.stack, over, loss, weights, floor, design.pins, rough)
-    try:
-        return passes.run(start, near)
-    except FitError:
-        # Only readings that are wild may show a part of what they all determine.
-        return dataclasses.replace(passes, pins=design.pins_by).run(start, near)
+    return passes.run(start, near)

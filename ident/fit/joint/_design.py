@@ -7,7 +7,7 @@ an effect: they cannot be confused with anything.
 """
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import cached_property
 from typing import Any
 
@@ -26,7 +26,6 @@ from ...core import (
     NoPrior,
     Smooth,
     Stack,
-    Sums,
     TableEffect,
     chain,
     node_shares,
@@ -212,21 +211,14 @@ class Design:
     @cached_property
     def unheld(self) -> Float[np.ndarray, "n g"]:
         """Directions that neither rows nor smoothness hold, one per column."""
-        return self._unheld(lambda values: self.information @ values)
-
-    def _unheld(self, apply: Callable[[np.ndarray], Any]) -> Float[np.ndarray, "n g"]:
         priors = (prior.straight for prior, _, _ in self.stack.priors)
         straight = np.asarray(scipy.linalg.block_diag(*priors))
-        return np.asarray(straight @ rooted(straight.T @ apply(straight))[1])
+        return np.asarray(straight @ rooted(self.over(straight))[1])
 
     @property
     def pins(self) -> Float[np.ndarray, " n"]:
         """Precisions of single unknowns that hold these directions."""
         return pins_of(self.unheld, self.diagonal)
-
-    def pins_by(self, sums: Sums) -> Float[np.ndarray, " n"]:
-        """Return these precisions for the readings that count in some sums."""
-        return pins_of(self._unheld(sums.apply), sums.diagonal)
 
     @property
     def free(self) -> int:
