@@ -47,6 +47,7 @@ def edited_job(
         fits: All ``[[fits]]``, in the place of those that are there.
     """
     import tomlkit  # takes long to load
+    from tomlkit.items import Table
 
     document = tomlkit.parse(text)
     document.pop("fits", None)
@@ -55,7 +56,7 @@ def edited_job(
         table = table[name]
         # Comments behind the last key are about what follows the table.
         behind = list[Any]()
-        body = table.value.body if isinstance(table, tomlkit.items.Table) else ()
+        body = table.value.body if isinstance(table, Table) else ()
         while body and body[-1][0] is None:
             behind.append(body.pop()[1])
         for key, value in keys.items():
