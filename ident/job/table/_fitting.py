@@ -41,7 +41,7 @@ from ._ends import (
 from ._log_draft import fit_log
 from ._log_readings import in_pieces
 from ._passes import (
-    Passes,
+    NodePasses,
     as_passes_differ,
     nearest_node,
     of_both_ways,
@@ -173,7 +173,7 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
         fit = fit_to(samples) if apart else fit
     when = np.argsort(readings.order, kind="stable")
     left, wild = np.asarray(fit.residual)[when], np.asarray(fit.wild)[when]
-    of_nodes = Passes.of(plan, samples.take(when), left, wild)
+    of_nodes = NodePasses.of(plan, samples.take(when), left, wild)
     alike = list[Remark]()
     if np.isfinite(left[~wild]).sum() >= LOG:
         fit, alike = as_passes_differ(plan, of_nodes, samples, fit)

@@ -22,7 +22,7 @@ from ...readings import Readings, joined
 from ..result._result import STAGES, Remark, largest_wild
 from ._draft import TableDraft
 from ._log_readings import LogReadings
-from ._passes import Passes, as_passes_differ, of_both_ways
+from ._passes import NodePasses, as_passes_differ, of_both_ways
 from ._remarks import outside
 
 _SHOWN = 20_000
@@ -79,17 +79,17 @@ class FittedLog:
             beyond += int(outside(table, samples.positions).sum())
         return {name: sums.figures for name, sums in tally.items()}, beyond
 
-    def passes(self) -> Passes:
+    def passes(self) -> NodePasses:
         """Return the passes of all readings; one that a piece ends in counts as two."""
-        parts = list[Passes]()
+        parts = list[NodePasses]()
         for samples in self.readings.pieces():
             at, wild = (
                 (samples.positions, samples.branch),
                 self.streamed.wild_of(samples),
             )
             left = samples.error - predict(self.streamed.fit, *at)[0]
-            parts.append(Passes.of(self.readings.plan, samples, left, wild))
-        return Passes.joined(parts)
+            parts.append(NodePasses.of(self.readings.plan, samples, left, wild))
+        return NodePasses.joined(parts)
 
     def shown(self) -> tuple[Samples, Int[np.ndarray, " n"]]:
         """Return every n-th reading and those that no plot may lack, and which these are."""

@@ -35,7 +35,7 @@ by both ways from which on it tells how much they differ."""
 
 @final
 @dataclasses.dataclass(frozen=True)
-class Passes:
+class NodePasses:
     """What a table leaves of its readings, by pass of a node: one after the other in time.
 
     Attributes:
@@ -57,7 +57,7 @@ class Passes:
         samples: Samples,
         left: Float[np.ndarray, " t"],
         wild: Bool[np.ndarray, " t"],
-    ) -> "Passes":
+    ) -> "NodePasses":
         """Return the passes of readings that stand in the order in which they were taken."""
         keep = np.isfinite(left) & ~wild
         node, left = nearest_node(plan, samples)[keep], left[keep]
@@ -70,24 +70,24 @@ class Passes:
         return cls(node[first][more], size[more], mean[more], square[more])
 
     @classmethod
-    def joined(cls, parts: "Sequence[Passes]") -> "Passes":
+    def joined(cls, parts: "Sequence[NodePasses]") -> "NodePasses":
         """Return those of pieces that follow each other."""
         names = [field.name for field in dataclasses.fields(cls)]
         columns = ([getattr(part, name) for part in parts] for name in names)
         return cls(*map(np.concatenate, columns))
 
-    def whole(self) -> "Passes":
+    def whole(self) -> "NodePasses":
         """Return those that have most of the readings of a pass; others touch a node's edge."""
         longest = np.zeros(self.node.max(initial=0) + 1)
         np.maximum.at(longest, self.node, self.size)
         most = self.size >= _PASS * longest[self.node]
-        return Passes(
+        return NodePasses(
             self.node[most], self.size[most], self.mean[most], self.square[most]
         )
 
 
 def as_passes_differ(
-    plan: Plan, passes: Passes, samples: Samples, fit: TableFit
+    plan: Plan, passes: NodePasses, samples: Samples, fit: TableFit
 ) -> tuple[TableFit, list[Remark]]:
     """Return the fit of a log whose readings share some of their error, and the words for it.
 
