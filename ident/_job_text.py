@@ -47,27 +47,36 @@ def edited_job(
         fits: All ``[[fits]]``, in the place of those that are there.
     """
     import tomlkit  # takes long to load
-    from tomlkit.items import Table
+    from tomlkit.items import Array, Table
 
     document = tomlkit.parse(text)
-    document.pop("fits", None)
+    former = document.pop("fits", None)
+    remark = former.trivia.comment if isinstance(former, Array) else ""
     for name, keys in measurements.items():
         table: Any = document["measurements"]
         table = table[name]
-        # Comments behind the last key are about what follows the table.
-        behind = list[Any]()
+        # Comments and tables behind the last key stay behind the new ones.
+        behind = list[tuple[Any, Any]]()
         body = table.value.body if isinstance(table, Table) else ()
-        while body and body[-1][0] is None:
-            behind.append(body.pop()[1])
+        while body and (body[-1][0] is None or isinstance(body[-1][1], Table)):
+            key, item = body[-1]
+            behind.append((key, item))
+            if key is not None:
+                table.remove(key)  # leaves an empty place
+            body.pop()
         for key, value in keys.items():
+            behind = [(k, item) for k, item in behind if k is None or k.key != key]
             if value is not None:
                 table[key] = tomlkit.value(_value(value))
             elif key in table:
                 del table[key]
-        for each in reversed(behind):
-            table.add(each)
+        if behind:
+            table.value.parsing(True)  # as they were written: without new empty lines
+        for key, item in reversed(behind):
+            table.raw_append(key, item)
     kept = tomlkit.dumps(document).rstrip()
-    return f"{kept}\n\n{job_text({'fits': list(fits)})}\n"
+    written = job_text({"fits": list(fits)})
+    return "\n\n".join([kept, *filter(None, [remark]), f"{written}\n"])
 
 
 def job_line(key: str, value: object) -> str:

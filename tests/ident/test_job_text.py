@@ -79,3 +79,20 @@ def test_a_new_key_stands_before_the_comment_of_the_next_table() -> None:
     new = edited_job(text, {"p": {"remove": "none"}}, FITS)
     kept = text.replace('"a.csv"\n', '"a.csv"\nremove = "none"\n')
     assert new.startswith(kept)
+
+
+def test_a_new_key_stands_before_the_tables_below_and_their_comments() -> None:
+    text = (
+        '[measurements.p]\nfile = "a.csv"\n# of Monday\n[measurements.p.columns]\n'
+        '"X.position" = "x"\n\n# the corner\n[measurements.p.datum]\nat = 0.0\n'
+    )
+    new = edited_job(text, {"p": {"remove": "none", "datum": {"at": 1.0}}}, FITS)
+    kept = text.replace('"a.csv"\n', '"a.csv"\nremove = "none"\ndatum = { at = 1.0 }\n')
+    kept = kept.replace("[measurements.p.datum]\nat = 0.0\n", "")
+    assert new.startswith(kept)
+
+
+def test_a_comment_behind_an_empty_list_of_fits_is_kept() -> None:
+    text = '[measurements.p]\nfile = "a"\n'
+    new = edited_job(f"fits = []  # as found\n{text}", {"p": {"drift": 4}}, FITS)
+    assert new == f"{text}drift = 4\n\n# as found\n\n{job_text({'fits': FITS})}\n"
