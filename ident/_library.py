@@ -2,7 +2,7 @@
 
 import dataclasses
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, cast, final
@@ -40,7 +40,9 @@ from .fit.joint import (
     Gauge,
     JointData,
     JointFit,
+    Leadscrew,
     Part,
+    Temperature,
     fit_joint,
     held_out_errors,
 )
@@ -275,7 +277,8 @@ def fit(
     """Fit a stack of effects to readings.
 
     Args:
-        effects: What to fit, each at most once.
+        effects: What to fit, each at most once. Beside a `Temperature` without a leadscrew a
+            line over the axis is fitted and left, as in a job: no temperature moves it.
         data: A measurement (`read`), or arrays by role in mm, °, s, °C; they count as they
             stand. ``run`` may hold numbers or names, directions are 1 and −1, ``time`` also
             instants (``datetime64``). NaN, or what is masked, is a reading that was missed;
@@ -340,7 +343,7 @@ def fit(
     if stack:
         joint = fit_joint(
             recording,
-            stack,
+            [*stack, *_lines(stack, recording)],
             loss=loss,
             smoothness=smoothness if isinstance(smoothness, str) else float(smoothness),
             drift=drift,
@@ -421,6 +424,18 @@ def fit(
         data=recording,
         stated=stated,
     )
+
+
+def _lines(
+    stack: Sequence[AbstractEffect], data: JointData
+) -> Iterator[AbstractEffect]:
+    """Yield lines over axes that no temperature moves, where no leadscrew takes them."""
+    screws = {one.axis for one in stack if isinstance(one, Leadscrew)}
+    for one in stack:
+        if isinstance(one, Temperature) and one.axis not in screws:
+            ends = one.ends(data)
+            if len(ends) > 1:
+                yield Leadscrew(one.axis, ends)
 
 
 def _holders(stack: Sequence[AbstractEffect]) -> dict[str, AbstractEffect]:

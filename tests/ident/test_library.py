@@ -642,6 +642,25 @@ def test_a_clock_that_goes_back_beside_a_temperature_is_refused() -> None:
         axcomp.fit([effect], data | {"time": time - 900.0 * (time >= 1200.0)})
 
 
+def test_a_slope_that_no_temperature_moves_is_in_no_coefficient() -> None:
+    rng = np.random.default_rng(4)
+    warm, place = np.repeat(np.linspace(16.0, 26.0, 6), 9), np.tile(np.arange(9.0), 6)
+    place = 50.0 * place
+    error = (30e-6 + 12e-6 * (warm - 20.0)) * place + rng.normal(0.0, 3e-4, 54)
+    data = {"X.position": place, "X.error": error, "temperature.scale": warm}
+    fit = axcomp.fit(axcomp.Temperature("X", sensor="scale"), data)
+    law, sigma = fit["temperature"].model, fit["temperature"].standard_deviation
+    found = np.asarray(law.coefficient.values)
+    deviation = np.asarray(sigma.coefficient.values)
+    # The controller takes the error off; a slope of 30 µm/m would be 20 deviations.
+    truth = -12e-6 * (np.asarray(law.coefficient.nodes.points) - 20.0)
+    assert np.all(np.abs(found - truth) < 4.0 * deviation)
+    assert np.all(deviation < 1.5e-6)
+    beside = fit.joint.part("leadscrew of X")
+    assert np.ptp(beside.values) == pytest.approx(30e-6 * 400.0, abs=1e-3)
+    assert [*fit] == ["temperature"]
+
+
 def test_lags_of_several_sensors_are_no_job(tmp_path: Path) -> None:
     warm, position = np.repeat([20.0, 22.0, 25.0], 5), np.tile(np.arange(5.0), 3)
     data = {

@@ -186,6 +186,14 @@ class Temperature(AbstractEffect):
             law[name] = nodes
         return dataclasses.replace(self, law=law)
 
+    def ends(self, data: JointData) -> Float[np.ndarray, " e"]:
+        """Return the ends of the line over the axis that no temperature moves, in mm.
+
+        It belongs to a leadscrew, which stands beside; fewer than two: there is no line.
+        """
+        place = data.position[self.axis] if self.masters else np.zeros(1)
+        return np.unique([np.nanmin(place), np.nanmax(place)])
+
     def lagging(self, lags: Mapping[str, Number | str]) -> "Temperature":
         """Return the effect with these time constants in s or ``"fit"``, by sensor, if its own."""
         merged = {sensor: lags.get(sensor, lag) for sensor, lag in self.lags.items()}

@@ -172,11 +172,7 @@ class TemperaturePlan(AbstractPlan):
         return ""
 
     def nodes_beside(self, data: JointData) -> Float[np.ndarray, " n"]:
-        # The line that no temperature moves.
-        if not self.inputs["position"]:
-            return np.zeros(0)
-        place = data.position[self.axis]
-        return np.unique([np.nanmin(place), np.nanmax(place)])
+        return self.line(data).ends(data)
 
     def confused(
         self, members: Sequence[AbstractPlan], recording: "GroupRecording"
