@@ -73,7 +73,6 @@ from ._units import (
 from .controller._controller import (
     columns_of as columns_of,
     controller_from_lists as controller_from_lists,
-    model_of as model_of,
 )
 from .controller._events import (
     ControllerEvent as ControllerEvent,

@@ -16,7 +16,6 @@ from ._identity import Increments
 from ._machine_lists import Reading, entries_of_activation, machine_lists
 from ._nodes import Ranges
 from ._units import ModelUnit, expect
-from .controller._controller import model_of
 
 
 @final
@@ -152,7 +151,7 @@ def load_model(
     currents = [name for name, use in uses.items() if use.kind.adds_current]
     return AxisModels(
         axis=numbers[0],
-        models={name: model_of(use, reading) for name, use in uses.items()},
+        models={name: use.model(reading) for name, use in uses.items()},
         masters={name: axes for name, axes in masters.items() if axes},
         units={name: entries[name].units[0] for name in currents},
     )
@@ -234,16 +233,13 @@ def _refuse_other_rules(
     """Raise where lists, read back, make a model of other rules than the one written.
 
     A list holds values; what a controller does outside a table, or at rest, is its own.
-
-    Raises:
-        ExchangeError: Naming the rule.
     """
     rules = conventions or Conventions()
     for use in machine_lists(lists).in_use(rules):
         model = axis_models.models.get(use.name)
         if model is None or use.axis != axis_models.axis:
             continue
-        back = model_of(use, Reading(rules))
+        back = use.model(Reading(rules))
         for rule in use.kind.entries.rules:
             own, read = getattr(model, rule), getattr(back, rule)
             where = f"the {use.name} of axis {use.axis}"

@@ -41,20 +41,18 @@ class ListTarget:
             ExchangeError: If the build lacks the parameter but the table needs it, or the
                 user asks for less than the table needs.
         """
-        name, size, build = f"{prefix}.max_points", self.max_points, self.build
+        name, size = f"{prefix}.max_points", self.max_points
         expected = f"at least {needed} for this table"
         expect(size is None or size >= needed, name, size, expected)
         stated = None if self.existing is None else self.existing.integer(name)
-        if size is None:
-            if stated:
-                size = None if stated >= needed else needed
-            elif not fits_default:
-                size = needed
+        enough = stated >= needed if stated else fits_default
+        if size is None and not enough:
+            size = needed
         if size is None or size == stated:
             return {}
-        words = f"a table that needs {needed} on build {build}"
+        words = f"a table that needs {needed} on build {self.build}"
         expected = "a table within the fixed size (max_points: V3.1.3079.06 on)"
-        expect(build_has(registry().by_key[name], build), name, words, expected)
+        expect(build_has(registry().by_key[name], self.build), name, words, expected)
         return {name: size}
 
 
@@ -67,9 +65,5 @@ _MOST = 4_000_000
 
 
 def refuse_huge(count: int, where: str) -> None:
-    """Raise at a size that only a mistyped list states, before it fills the memory.
-
-    Raises:
-        ExchangeError: If a table has more than some million values.
-    """
+    """Raise at a size that only a mistyped list states, before it fills the memory."""
     expect(count <= _MOST, where, f"{count} values", f"at most {_MOST}")

@@ -47,11 +47,7 @@ def _unreadable(listing: ListFile, name: str, expected: str) -> ExchangeError:
 
 
 def required(listing: ListFile, name: str) -> int:
-    """Return an integer entry that the function needs.
-
-    Raises:
-        ExchangeError: If it is missing or unreadable.
-    """
+    """Return an integer entry; refuse a list that lacks it, or where it is unreadable."""
     value = listing.integer(name)
     if value is None:
         raise _unreadable(listing, name, "an integer")
@@ -59,11 +55,7 @@ def required(listing: ListFile, name: str) -> int:
 
 
 def optional(listing: ListFile, name: str) -> int:
-    """Return an integer entry, its default where the list leaves it out.
-
-    Raises:
-        ExchangeError: If it stands there and is unreadable.
-    """
+    """Return an integer entry, its default where it is left out; refuse one unreadable."""
     if listing.get(name) is not None:
         return required(listing, name)
     row = registry().by_key.get(name)
@@ -71,32 +63,20 @@ def optional(listing: ListFile, name: str) -> int:
 
 
 def not_negative(listing: ListFile, name: str) -> int:
-    """Return an integer entry, 0 where the list leaves it out.
-
-    Raises:
-        ExchangeError: If it stands there and is unreadable or below 0.
-    """
+    """Return an integer entry, 0 where it is left out; refuse one unreadable or below 0."""
     value = optional(listing, name)
     expect(value >= 0, f"{listing.source}: {name}", value, "0 or more")
     return value
 
 
 def refuse_many(cycles: int, name: str) -> None:
-    """Raise where a reversal or a temperature line takes more cycles than it may.
-
-    Raises:
-        ExchangeError: Naming the entry.
-    """
+    """Raise where a reversal or a temperature line takes more cycles than it may."""
     limit = f"at most {MOST_REVERSAL_CYCLES} cycles"
     expect(cycles <= MOST_REVERSAL_CYCLES, name, cycles, limit)
 
 
 def flag(listing: ListFile, name: str) -> bool:
-    """Return a BOOLEAN entry, false where the list leaves it out.
-
-    Raises:
-        ExchangeError: If it stands there and is none.
-    """
+    """Return a BOOLEAN entry, false where the list leaves it out; refuse one that is none."""
     value = listing.boolean(name)
     if value is None and listing.get(name) is not None:
         raise _unreadable(listing, name, "0 or 1")
@@ -104,11 +84,7 @@ def flag(listing: ListFile, name: str) -> bool:
 
 
 def real(listing: ListFile, name: str) -> float:
-    """Return a REAL64 entry, 0 where the list leaves it out.
-
-    Raises:
-        ExchangeError: If it stands there and is no finite number.
-    """
+    """Return a REAL64 entry, 0 where the list leaves it out; refuse one that is none."""
     entry = listing.get(name)
     value = 0.0 if entry is None else parse_real(entry.value)
     if value is None:
@@ -140,11 +116,7 @@ def values_of(
 def column(
     listing: ListFile, prefix: str, field: str, count: int
 ) -> Int[np.ndarray, " n"]:
-    """Return the first values of a column in list units; what is missing is 0 (S-57).
-
-    Raises:
-        ExchangeError: If an entry is unreadable.
-    """
+    """Return the first `values_of` a column in list units; what is missing is 0 (S-57)."""
     integers: dict[Any, int] = dict(values_of(listing, prefix, field))
     return np.array([integers.get(k, 0) for k in range(count)], dtype=np.int64)
 

@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any
 
 from ...data.lists import ListFile
 from ...models import Conventions, TemperatureLine
@@ -58,6 +59,14 @@ class InUse:
         """What is known of the compensation."""
         return kind(self.name)
 
+    def model(self, reading: Reading) -> Any:
+        """Return the model that its entries make; its masters left out.
+
+        Raises:
+            ExchangeError: If they make none.
+        """
+        return self.kind.entries.model(self.listing, self.axis, reading)
+
 
 @dataclasses.dataclass(frozen=True)
 class MachineLists:
@@ -104,9 +113,8 @@ class MachineLists:
     def _contents(self, heated: Iterable[int]) -> Iterator[tuple[int, Kind, ListFile]]:
         """Yield what the lists hold, switched on or not, and what a PLC does beside them."""
         for record in kinds():
-            lists = (
-                self.compensation if record.holder == "compensation" else self.machine
-            )
+            in_table = record.holder == "compensation"
+            lists = self.compensation if in_table else self.machine
             for number, listing in lists.items():
                 if record.entries.is_in(listing):
                     yield number, record, listing
@@ -145,12 +153,7 @@ def axes_in_use(used: Sequence[InUse], lists: MachineLists) -> tuple[int, ...]:
 
 
 def entries_of_activation(compensations: Iterable[str]) -> dict[str, int | str]:
-    """Return the entries of an axis list that switch tables and lines on.
-
-    Raises:
-        ExchangeError: If backlash is among them: its entry says how, too
-            (`entries_of_backlash`).
-    """
+    """Return the entries of an axis list that switch tables and lines on: no backlash."""
     entries: dict[str, int | str] = {}
     for name in compensations:
         entries |= kind(name).entries.activation()

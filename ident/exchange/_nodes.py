@@ -102,11 +102,7 @@ def refuse_unordered(
     name: str,
     expected: str = "ascending setpoints",
 ) -> None:
-    """Raise where points are none or do not ascend.
-
-    Raises:
-        ExchangeError: Naming the first that is not above the one before.
-    """
+    """Raise where points are none, or at the first that is not above the one before."""
     expect(len(points), name, "no points", "at least one")
     for at in np.flatnonzero(np.diff(points) <= 0).tolist():
         pair = f"{points[at + 1]:g} after {points[at]:g} (index {at + 1})"
@@ -131,11 +127,9 @@ def refuse_jump(
 ) -> None:
     """Raise where a table over a modulo axis jumps at the transition (S-20).
 
-    Its values are in list units, the axis of the nodes first; the name is that of the entries.
-
-    Raises:
-        ExchangeError: If nodes lie outside the range of the axis, or the first and the
-            last value differ; between them and the ends of the range they are held.
+    Nodes lie outside the range of the axis, or the first and the last value differ: between
+    them and the ends of the range they are held. Values are in list units, the axis of the
+    nodes first; the name is that of the entries.
     """
     if not isinstance(nodes, ModuloNodes):
         return
@@ -150,11 +144,7 @@ def refuse_jump(
 
 
 def refuse_unequal_ends(values: Int[np.ndarray, "_p ..."], name: str) -> None:
-    """Raise where a table that goes round has another value at its end.
-
-    Raises:
-        ExchangeError: Naming the first pair of values that differ.
-    """
+    """Raise where a table that goes round has another value at its end, in list units."""
     ends = np.stack([np.ravel(values[0]), np.ravel(values[-1])], axis=1)
     for first, last in ends[ends[:, 0] != ends[:, 1]]:
         words = f"{first} at the start and {last} at the end"

@@ -86,11 +86,7 @@ class AbstractTable(abc.ABC):
         return model
 
     def refuse_other_form(self, old: Model, source: str) -> None:
-        """Raise where the table cannot continue one of another form.
-
-        Raises:
-            ExchangeError: Naming what differs.
-        """
+        """Raise where the table cannot continue one of another form."""
         return None
 
     @property

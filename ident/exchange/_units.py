@@ -48,9 +48,7 @@ class ModelUnit:
 
     def __post_init__(self) -> None:
         size = self.size
-        number = isinstance(size, int | float | np.number) and not isinstance(
-            size, bool
-        )
+        number = type(size) is not bool and isinstance(size, int | float | np.number)
         positive = size is None or (number and 0.0 < size < np.inf)
         words = "a positive number: the sign of a list is that of its model"
         expect(positive, f"ModelUnit({self.name!r}).size", repr(size), words)

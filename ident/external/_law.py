@@ -7,7 +7,7 @@ from jaxtyping import Float, Int
 
 from ...data.lists import ListFile
 from ...models import ExternalCompensation, OffsetPart, OffsetStack
-from ..exchange import InUse, Reading, axes_in_use, columns_of, machine_lists, model_of
+from ..exchange import InUse, Reading, axes_in_use, columns_of, machine_lists
 from ..kinds import kinds
 
 INTERFACE_UNITS = 10**8
@@ -55,15 +55,13 @@ def tables_in(used: Sequence[InUse], reading: Reading) -> list[InUse]:
     """
     order = [each.name for each in kinds()]
     tables = [one for one in used if one.kind.table]
-    tables = [
-        one for one in tables if not one.kind.entries.turns(model_of(one, reading))
-    ]
+    tables = [one for one in tables if not one.kind.entries.turns(one.model(reading))]
     return sorted(tables, key=lambda one: order.index(one.name))
 
 
 def _part(one: InUse, columns: Mapping[int, int], reading: Reading) -> OffsetPart:
     return OffsetPart(
-        model_of(one, reading),
+        one.model(reading),
         columns[one.axis],
         tuple(columns[master] for master in one.masters),
         compensated=one.kind.entries.sees_offsets(one.listing, reading.conventions),

@@ -27,7 +27,6 @@ from axcomp.ident.exchange import (
     Motion,
     Reading,
     machine_lists,
-    model_of,
     offset_at,
     simulate,
 )
@@ -78,7 +77,7 @@ def seen(rules: Conventions, **places: float) -> dict[str, float]:
     for number, listing in PROBE.lists.items():
         reading = Reading(rules)
         for one in machine_lists([listing]).in_use(rules):
-            model = model_of(one, reading)
+            model = one.model(reading)
             if not isinstance(model, AbstractLookup):
                 continue
             name, masters = one.name, one.masters

@@ -19,7 +19,6 @@ from ...exchange._identity import Increments
 from ...exchange._machine_lists import Reading, machine_lists
 from ...exchange._nodes import ListNodes
 from ...exchange._units import LIST_UNITS, expect
-from ...exchange.controller._controller import model_of
 from ...kinds import kind
 from ._nc import AXIS_WORD, WORD_SHAPE
 
@@ -175,7 +174,7 @@ def travel_in(
     for use in machine.in_use(conventions):
         if not use.kind.table:
             continue
-        ways = model_of(use, Reading(conventions, increment)).ways
+        ways = use.model(Reading(conventions, increment)).ways
         for axis, nodes in zip(use.masters, ways, strict=True):
             places = np.asarray(nodes.positions, dtype=float)
             ends.setdefault(axis, []).extend((places[0], places[-1]))

@@ -41,11 +41,7 @@ def controller_from_lists(
 def controller_of(
     used: Sequence[InUse], lists: MachineLists, numbers: Sequence[int], reading: Reading
 ) -> PositionController:
-    """Return the position controller that has these compensations, and no others.
-
-    Raises:
-        ExchangeError: As `controller_from_lists`.
-    """
+    """Return the position controller that has these compensations, and no others."""
     columns, axes = columns_of(used, numbers), []
     for number in numbers:
         mine = [use for use in used if use.axis == number]
@@ -72,15 +68,6 @@ def columns_of(used: Sequence[InUse], numbers: Sequence[int]) -> dict[int, int]:
     return {number: k for k, number in enumerate(numbers)}
 
 
-def model_of(in_use: InUse, reading: Reading) -> Any:
-    """Return the model of a compensation that lists hold; its masters left out.
-
-    Raises:
-        ExchangeError: If its entries make none.
-    """
-    return in_use.kind.entries.model(in_use.listing, in_use.axis, reading)
-
-
 def _axis(
     uses: Sequence[InUse],
     columns: Mapping[int, int],
@@ -91,7 +78,7 @@ def _axis(
     parts: dict[str, Any] = {}
     for use in uses:
         masters = tuple(columns[master] for master in use.masters)
-        model = model_of(use, reading)
+        model = use.model(reading)
         parts |= use.kind.entries.installed(model, masters, use.listing)
     fields = {field.name for field in dataclasses.fields(AxisCompensations)}
     parts["further"] = {name: parts.pop(name) for name in parts.keys() - fields}

@@ -64,10 +64,7 @@ class ControllerEvent:
 def parse_action(text: str, where: str) -> tuple[Action, tuple[str, ...]]:
     """Return what the text of an event says, and which compensations it names.
 
-    A reload is no part of this: it names a file.
-
-    Raises:
-        ExchangeError: If it is none.
+    A text that is none is refused. A reload is no part of this: it names a file.
     """
     plain = " ".join(text.upper().replace("[", " ").replace("]", " ").split())
     if plain in _WORDS:
@@ -92,9 +89,6 @@ def homed_rows(
     """Return which axes are homed per row; None: all, and have been for long.
 
     An axis that is homed by an event was not before, and the reverse.
-
-    Raises:
-        ExchangeError: If an event names an axis that the machine lacks.
     """
     homing = [event for event in events if event.action in ("homed", "not homed")]
     if not homing:
@@ -118,11 +112,7 @@ def selected_rows(
     rows: int,
     windows: Windows,
 ) -> Bool[np.ndarray, "t a c"]:
-    """Return which of `COMPENSATIONS` are selected per row: commanded, and loaded.
-
-    Raises:
-        ExchangeError: If an event names an axis that the machine lacks.
-    """
+    """Return which of `COMPENSATIONS` are selected per row: commanded, and loaded."""
     commands: list[CompCommand | ProgramEnd] = []
     for event in events:
         columns = _columns(event, numbers)
@@ -142,6 +132,7 @@ def selected_rows(
 
 
 def _columns(event: ControllerEvent, numbers: Sequence[int]) -> list[int]:
+    """Return the columns of its axes; an axis that the machine lacks is refused."""
     if event.axis is None:
         return list(range(len(numbers)))
     axes = ", ".join(f"A{number}" for number in numbers)

@@ -27,7 +27,7 @@ from .._machine_lists import (
 )
 from .._nodes import as_array
 from .._units import ExchangeError, expect
-from ._controller import controller_of, model_of
+from ._controller import controller_of
 from ._events import ControllerEvent, homed_rows, loaded_versions, selected_rows
 from ._motion import Column, Motion, direction_of_motion
 
@@ -145,10 +145,8 @@ def _controller_motion(
     """Return the motion as the controller takes it, a column per axis.
 
     What no compensation needs and the motion does not have is 0. Directions are given where
-    the controller cannot tell them by positions.
-
-    Raises:
-        ExchangeError: If the conventions take actual positions and there are none.
+    the controller cannot tell them by positions. A motion without the actual positions that
+    conventions take is refused.
     """
     zeros = np.zeros(motion.rows)
 
@@ -252,6 +250,9 @@ def _axis(
 class AxisLists:
     """The lists of one axis, and how the controller reads them.
 
+    What is asked of them raises an `ExchangeError` where an entry that decides it is
+    unreadable, or where the lists make no table.
+
     Attributes:
         axis: Logical number.
         compensation: Its compensation list, or None.
@@ -281,21 +282,13 @@ class AxisLists:
 
     @functools.cached_property
     def in_use(self) -> tuple[InUse, ...]:
-        """What acts by these files, by some conventions on another axis.
-
-        Raises:
-            ExchangeError: If an entry that decides it is unreadable.
-        """
+        """What acts by these files, by some conventions on another axis."""
         rules, lines = self.reading.conventions, self.reading.lines
         return tuple(machine_lists(self.files).in_use(rules, lines))
 
     @functools.cached_property
     def used(self) -> Mapping[str, InUse]:
-        """What adds to the position of the axis, by compensation.
-
-        Raises:
-            ExchangeError: If an entry that decides it is unreadable.
-        """
+        """What adds to the position of the axis, by compensation."""
         mine = {entry.name: entry for entry in self.in_use if entry.axis == self.axis}
         places = [kind.name for kind in kinds() if not kind.adds_current]
         return {name: mine[name] for name in places if name in mine}
@@ -306,29 +299,17 @@ class AxisLists:
         return entry.kind.entries.inputs(entry.masters)
 
     def acts(self, name: str) -> bool:
-        """Return whether it adds something: a table of zeros does not.
-
-        Raises:
-            ExchangeError: If an entry that decides it is unreadable.
-        """
+        """Return whether it adds something: a table of zeros does not."""
         entry = self.used.get(name)
         return entry is not None and not entry.kind.entries.adds_nothing(entry.listing)
 
     @functools.cached_property
     def models(self) -> Mapping[str, object]:
-        """The model of each compensation.
-
-        Raises:
-            ExchangeError: If a list makes none.
-        """
-        return {name: model_of(use, self.reading) for name, use in self.used.items()}
+        """The model of each compensation."""
+        return {name: use.model(self.reading) for name, use in self.used.items()}
 
     def turns(self, name: str) -> bool:
-        """Return whether it adds something else in either direction.
-
-        Raises:
-            ExchangeError: If a list makes none.
-        """
+        """Return whether it adds something else in either direction."""
         return self.used[name].kind.entries.turns(self.models[name])
 
     def parts(self, motion: Motion) -> dict[str, Column]:
@@ -336,19 +317,15 @@ class AxisLists:
 
         What the motion lacks positions, temperatures, a velocity or an acceleration for is
         left out.
-
-        Raises:
-            ExchangeError: If a list makes no table.
         """
-        if not any(self._is_known(use, motion) for use in self.used.values()):
-            return {}
-        known = functools.partial(self._is_known, motion=motion)
-        (axis,) = simulate(self.files, motion, self.reading, only=known)
-        return dict(axis.parts)
 
-    def _is_known(self, entry: InUse, motion: Motion) -> bool:
-        """Return whether it adds to this axis, and a motion has what it looks at."""
-        if entry.axis != self.axis or entry.kind.adds_current:
-            return False
-        looks_at = entry.kind.entries.looks_at(entry, motion, self.reading)
-        return all(axis in motion.positions for axis in looks_at)
+        def is_known(use: InUse) -> bool:
+            if use.axis != self.axis or use.kind.adds_current:
+                return False
+            looks_at = use.kind.entries.looks_at(use, motion, self.reading)
+            return all(axis in motion.positions for axis in looks_at)
+
+        if not any(map(is_known, self.used.values())):
+            return {}
+        (axis,) = simulate(self.files, motion, self.reading, only=is_known)
+        return dict(axis.parts)

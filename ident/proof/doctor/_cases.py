@@ -192,7 +192,7 @@ def cases_of(
         return [(0.0, Diagnosis(use.axis, use.name, "cannot tell"))], math.nan, None
     search_result = search(channel, target)
     best, cases = search_result.rivals[0], []
-    unlike = "" if blurred else _unlike(channel, search_result)
+    unlike = "" if blurred else _unlike(search_result)
     for rival in search_result.rivals:
         change = rival.hypothesis.change
         shift = change.shift
@@ -211,14 +211,15 @@ def cases_of(
             named = Diagnosis(use.axis, use.name, "other", sentence=unlike)
         elif rival is best and named.verdict == "right":
             rows = scene.changes[use.axis].readings
-            named = _as_a_whole(named, channel, search_result, rows)
+            named = _as_a_whole(named, search_result, rows)
         cases.append((rival.criterion, named))
     cases += _elsewhere(use, scene, search_result)
-    return cases, float(factor[0]), _blind(channel, target, search_result)
+    return cases, float(factor[0]), _blind(target, search_result)
 
 
-def _unlike(channel: AbstractChannel, search_result: Found) -> str:
+def _unlike(search_result: Found) -> str:
     """Return what the best explanation leaves that is no noise, in words; empty: nothing."""
+    channel = search_result.channel
     if not channel.ways:
         return ""
     rows = search_result.rows
@@ -229,7 +230,7 @@ def _unlike(channel: AbstractChannel, search_result: Found) -> str:
     named = _named(search_result.best, channel).verdict
     if named in {"right", "swapped"}:
         share = _BAND if channel.two_way else _MATTERS
-        if reversal := reversal_words(channel, search_result, share * size):
+        if reversal := reversal_words(search_result, share * size):
             return f"something else is added: {reversal}"
     # Neighbours are alike, and more than chance makes them.
     chance = 1.0 / (1.0 + 2.0 * _CHANCE / math.sqrt(len(rows)))
@@ -239,17 +240,15 @@ def _unlike(channel: AbstractChannel, search_result: Found) -> str:
 
 
 def _as_a_whole(
-    right: Diagnosis,
-    channel: AbstractChannel,
-    search_result: Found,
-    readings: Float[np.ndarray, " g"],
+    right: Diagnosis, search_result: Found, readings: Float[np.ndarray, " g"]
 ) -> Diagnosis:
     """Return a diagnosis that says where a list is right as a whole only.
 
     `readings` are how many each row is the mean of.
     """
     size = float(np.sqrt(np.mean(search_result.column[search_result.rows] ** 2)))
-    worst = worst_of(channel, search_result, readings[channel.motion.judged])
+    judged = search_result.channel.motion.judged
+    worst = worst_of(search_result, readings[judged])
     if not worst.beyond(_MATTERS * size):
         return right
     text = (
@@ -300,10 +299,9 @@ def _turn_matters(channel: AbstractChannel) -> bool:
     return bool(np.linalg.norm(turned - plain) >= _MATTERS * effect)
 
 
-def _blind(
-    channel: AbstractChannel, target: Target, search_result: Found
-) -> float | None:
+def _blind(target: Target, search_result: Found) -> float | None:
     """Return the largest shift that readings cannot exclude and that would matter."""
+    channel = search_result.channel
     shifts = _shifts(channel)
     shifts = shifts[_matters(channel, shifts, _MATTERS)]
     places = np.concatenate([np.zeros((1, len(channel.ways))), shifts])

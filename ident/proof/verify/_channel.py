@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ....models import Conventions, step_response
-from ...exchange import InUse, Model, Reading, model_of, offset_at
+from ...exchange import InUse, Model, Reading, offset_at
 from ...exchange.controller._motion import Column
 from ._log import LogMotion
 
@@ -160,7 +160,7 @@ class AbstractChannel(abc.ABC):
         """Return the model that the list makes under some conventions."""
         if conventions not in self._laws:
             reading = dataclasses.replace(self.reading, conventions=conventions)
-            self._laws[conventions] = model_of(self.one, reading)
+            self._laws[conventions] = self.one.model(reading)
         return self._laws[conventions]
 
     def edge(self, conventions: Conventions) -> Edge:

@@ -66,20 +66,20 @@ class Verdict:
         return self.verdict == ("agrees",)
 
 
-def judge_channel(channel: AbstractChannel, result: Found, turned: str = "") -> Verdict:
+def judge_channel(result: Found, turned: str = "") -> Verdict:
     """Return the verdict on one compensation.
 
     `turned` says what may as well be the reason of an opposite sign; empty: nothing.
     """
-    axis, name = channel.axis, channel.compensation
-    best = result.rivals[0]
+    channel, best, faults = result.channel, result.rivals[0], result.faults
+    identity = channel.axis, channel.compensation
 
     def verdict(found: Mapping[str, float | None], sentence: str) -> Verdict:
-        words, sizes, rules = (*found,), (*found.values(),), settled(channel, result)
-        return Verdict(axis, name, words, sizes, sentence, *rules)
+        words, sizes = (*found,), (*found.values(),)
+        return Verdict(*identity, words, sizes, sentence, *settled(result))
 
     def silent(sentence: str) -> Verdict:
-        return Verdict(axis, name, (), (), sentence, {})
+        return Verdict(*identity, (), (), sentence, {})
 
     rows = channel.motion.judged
     count = len(result.residual)
@@ -106,7 +106,6 @@ def judge_channel(channel: AbstractChannel, result: Found, turned: str = "") -> 
     limit = max(_ROUGH * size, 1e-4)
     if result.nothing < best.criterion + EQUAL and unexplained <= limit:
         return silent("the log cannot tell: what is added is lost in its noise")
-    faults = best.hypothesis.faults(channel)
     whole_text = fault_words(best.hypothesis, channel)
     if unexplained > limit:
         logged = result.residual + result.column[rows]
@@ -122,9 +121,7 @@ def judge_channel(channel: AbstractChannel, result: Found, turned: str = "") -> 
                 " switched meanwhile, log one state only"
             )
         return silent(text)
-    if reversal := reversal_words(
-        channel, result, 0.0 if channel.two_way else _ROUGH * size
-    ):
+    if reversal := reversal_words(result, 0.0 if channel.two_way else _ROUGH * size):
         return silent(f"not explained: {reversal}")
     named_rules = [
         f"{name} = {value}"
@@ -132,10 +129,9 @@ def judge_channel(channel: AbstractChannel, result: Found, turned: str = "") -> 
         if name not in RULES
     ]
     rules = f" with {joined(named_rules)}" if named_rules else ""
-    equals = _equals(channel, result)
-    unseen = _unseen(channel, result)
+    equals, unseen = _equals(result), _unseen(result)
     tail = f"; this log does not show {joined(unseen)}" if unseen else ""
-    worst = worst_of(channel, result)
+    worst = worst_of(result)
     if not faults and worst.beyond(_ROUGH * size):
         return silent(
             f"not explained: {_size_of(channel, worst.left)} near {worst.where}, as if an"
@@ -146,10 +142,9 @@ def judge_channel(channel: AbstractChannel, result: Found, turned: str = "") -> 
         left = max(unexplained, left)
         tolerance = max(1e-4, math.ceil(left * 1e4 - 1e-6) / 1e4)
         text = f"agrees within {_size_of(channel, tolerance)}{rules}"
-        for hypothesis in equals:
-            text += f"; as well explained: {fault_words(hypothesis, channel)}"
         agreed: dict[str, float | None] = {"agrees": tolerance}
         for hypothesis in equals:
+            text += f"; as well explained: {fault_words(hypothesis, channel)}"
             agreed |= dict.fromkeys(hypothesis.faults(channel))
         return verdict(agreed, text if equals else text + tail)
     if channel.coarse and faults.keys() & _TIMES:
@@ -161,17 +156,15 @@ def judge_channel(channel: AbstractChannel, result: Found, turned: str = "") -> 
     for hypothesis in equals:
         text += f", or as well {fault_words(hypothesis, channel)}"
         faults |= hypothesis.faults(channel) | faults
-    clause = _looks_alike(channel, result, set(faults))
-    return verdict(faults, text + clause + tail)
+    return verdict(faults, text + _looks_alike(result, {*faults}) + tail)
 
 
-def _equals(channel: AbstractChannel, result: Found) -> list[Hypothesis]:
+def _equals(result: Found) -> list[Hypothesis]:
     """Return hypotheses of other faults that explain the log as well as the best one."""
-    best = result.rivals[0]
-    known_faults = [set(best.hypothesis.faults(channel))]
-    equals = []
-    for rival in result.rivals[1:]:
-        words = set(rival.hypothesis.faults(channel))
+    best, *others = result.rivals
+    known_faults, equals = [{*result.faults}], list[Hypothesis]()
+    for rival in others:
+        words = {*rival.hypothesis.faults(result.channel)}
         if rival.criterion > best.criterion + EQUAL or not words:
             continue
         if not any(words >= fewer for fewer in known_faults):
@@ -180,29 +173,24 @@ def _equals(channel: AbstractChannel, result: Found) -> list[Hypothesis]:
     return equals
 
 
-def _looks_alike(channel: AbstractChannel, result: Found, named: set[str]) -> str:
+def _looks_alike(result: Found, named: set[str]) -> str:
     """Return what would look like a delay, or like a filter, as the end of a sentence.
 
     On a smooth table both do the same, and which of them is the simpler story says
     nothing of the controller.
     """
-    best = result.rivals[0]
-    faults, either = set(best.hypothesis.faults(channel)), {"lag", "filter"}
-    if not either & faults:
-        return ""
-    for rival in result.rivals[1:]:
-        words = set(rival.hypothesis.faults(channel))
-        if words ^ faults == either and rival.misfit <= best.misfit + EQUAL:
-            text = fault_words(rival.hypothesis, channel, either - named)
-            if text:
+    (best, *others), faults, channel = result.rivals, {*result.faults}, result.channel
+    for rival in others if _TIMES & faults else ():
+        words = {*rival.hypothesis.faults(channel)}
+        if words ^ faults == _TIMES and rival.misfit <= best.misfit + EQUAL:
+            if text := fault_words(rival.hypothesis, channel, _TIMES - named):
                 return f"; on this table it looks the same when {text}"
     return ""
 
 
-def _unseen(channel: AbstractChannel, result: Found) -> list[str]:
+def _unseen(result: Found) -> list[str]:
     """Return what could be otherwise without being seen in this log."""
-    best, *worse = result.rivals
-    faults = best.hypothesis.faults(channel)
+    (best, *worse), channel = result.rivals, result.channel
     differences = [
         best.hypothesis.apart(rival.hypothesis)
         for rival in worse
@@ -211,31 +199,27 @@ def _unseen(channel: AbstractChannel, result: Found) -> list[str]:
     # Whatever factor and lag go with them.
     essential = [names - {"lag", "scale", "is_free"} for names in differences]
     filtered = channel.cycles_under(channel.conventions) > 1
+    two = len(channel.ways) == 2
     questions = {
         "edge": ("what happens beyond the table", {"edge"} in differences),
-        "swapped": (
-            "which master is which",
-            {"masters"} in essential and len(channel.ways) == 2,
-        ),
+        "swapped": ("which master is which", two and {"masters"} in essential),
         "lag": ("how late it comes", {"lag"} in differences),
         "filter": ("the length of the filter", {"cycles"} in essential and filtered),
     }
     return [
         text
         for word, (text, is_open) in questions.items()
-        if is_open and word not in faults
+        if is_open and word not in result.faults
     ]
 
 
-def settled(
-    channel: AbstractChannel, result: Found
-) -> tuple[dict[str, int | str], frozenset[str]]:
+def settled(result: Found) -> tuple[dict[str, int | str], frozenset[str]]:
     """Return the conventions that fit, and which of them nothing settles.
 
     A table that lies elsewhere settles its sign alone, since not every rule is tried there; one
     with any other factor settles nothing.
     """
-    best = result.rivals[0]
+    channel, best = result.channel, result.rivals[0]
     elsewhere, any_factor = best.hypothesis.change.is_shifted, best.hypothesis.is_free
     reads: dict[str, Callable[[Hypothesis], int | str]] = {
         name: operator.attrgetter(f"change.conventions.{name}")
@@ -287,17 +271,14 @@ class Worst:
         return self.left > max(limit, _FAR * self.noise)
 
 
-def worst_of(
-    channel: AbstractChannel,
-    result: Found,
-    readings: Float[np.ndarray, " e"] | None = None,
-) -> Worst:
+def worst_of(result: Found, readings: Float[np.ndarray, " e"] | None = None) -> Worst:
     """Return what is left most near any node: over a whole log one wrong entry hardly shows.
 
     `readings` are how many each row that is judged is the mean of; None: one each.
     """
     from scipy.ndimage import mean, median
 
+    channel = result.channel
     masters = channel.masters[-len(channel.ways) :]
     if not channel.ways or not masters:
         return Worst()
@@ -330,14 +311,15 @@ def worst_of(
     return Worst(float(left[worst]), float(noise[worst]), ", ".join(words))
 
 
-def reversal_words(channel: AbstractChannel, result: Found, least: float = 0.0) -> str:
+def reversal_words(result: Found, least: float) -> str:
     """Return what is left between the directions of motion, in words; empty: no more than chance.
 
     Of a table with a column for each direction that is their difference, which may be missing or
     there once more; of any other a step. `least` is how large it must be at the rows, as an rms in
     mm or °.
     """
-    motion, change, rows = channel.motion, result.best.change, result.rows
+    channel, change, rows = result.channel, result.best.change, result.rows
+    motion = channel.motion
     if not channel.ways or not {channel.axis} & {*motion.directions, *motion.positions}:
         return ""
     judged = np.arange(motion.rows)[motion.judged]

@@ -45,6 +45,7 @@ class Found:
     """What explains a column.
 
     Attributes:
+        channel: The compensation.
         rivals: All that were looked at closely, best first.
         nothing: Criterion of a controller that adds nothing.
         column: What the best one adds per row, in mm or °.
@@ -53,6 +54,7 @@ class Found:
         samples: Number of independent rows.
     """
 
+    channel: AbstractChannel
     rivals: tuple[Rival, ...]
     nothing: float
     column: Float[np.ndarray, " t"]
@@ -64,6 +66,11 @@ class Found:
     def best(self) -> Hypothesis:
         """The best one."""
         return self.rivals[0].hypothesis
+
+    @property
+    def faults(self) -> dict[str, float | None]:
+        """The size of each fault of the best one; empty where there is none."""
+        return self.best.faults(self.channel)
 
 
 def search(
@@ -96,6 +103,7 @@ def search(
     column = first.hypothesis.scale * column[np.clip(delayed, 0, len(column) - 1)]
     nothing = sound.target.criterion(np.array([sound.target.power]), samples)
     return Found(
+        channel=channel,
         rivals=(first, *(rival for rival in rivals if rival is not first)),
         nothing=float(nothing[0]) + FAULT,
         column=column,

@@ -39,7 +39,7 @@ _PART = 0.1
 _SWEEPS = 4
 """Most rounds over the parts of a sum; two are the rule."""
 
-Explained = dict[tuple[int, str], tuple[AbstractChannel, Found]]
+Explained = dict[tuple[int, str], Found]
 """What explains each reported compensation, by axis and name."""
 
 
@@ -103,7 +103,7 @@ def verify_log(
             if not report.filtered:  # the objects know no filters
                 channel = changed(channel, cycles=0)
             target = Target.of(report.values, step=report.step)
-            fitted_parts[axis, name] = channel, search(channel, target)
+            fitted_parts[axis, name] = search(channel, target)
         return fitted_parts
 
     searches = explained(channels)
@@ -124,7 +124,7 @@ def verify_log(
                 " that is allowed for."
             )
     # Only the drive tells with which sign.
-    verdicts = [_unsigned(judge_channel(*fitted)) for fitted in searches.values()]
+    verdicts = [_unsigned(judge_channel(fitted)) for fitted in searches.values()]
     for axis, parts in channels.items():
         summed = _sums(axis, parts, log, number, motion, set(searches), remarks)
         verdicts = _merged(verdicts, summed)
@@ -139,7 +139,7 @@ def verify_log(
 
 def _criterion(searches: Explained) -> float:
     """Return the criterion of all that was found, the smaller the better."""
-    return sum(fitted.rivals[0].criterion for _, fitted in searches.values())
+    return sum(fitted.rivals[0].criterion for fitted in searches.values())
 
 
 def _clock_of(searches: Explained) -> float:
@@ -149,13 +149,13 @@ def _clock_of(searches: Explained) -> float:
     share is the clock of the recording, and with it what most of them share.
     """
     found: list[tuple[float, float]] = []
-    for channel, fitted in searches.values():
+    for fitted in searches.values():
         # A filter of two cycles is half a cycle late: only unfiltered ones count here.
         hypothesis = next(
             (r.hypothesis for r in fitted.rivals if r.hypothesis.change.cycles is None),
             fitted.best,
         )
-        rows = channel.motion.judged
+        channel, rows = fitted.channel, fitted.channel.motion.judged
         column = hypothesis.scale * channel.column(hypothesis.change)
         earlier = slice(rows.start - hypothesis.lag, rows.stop - hypothesis.lag)
         slope, base = np.gradient(column)[earlier], column[earlier]
@@ -209,8 +209,7 @@ def _sums(
             return []
         total = Target.of(sums[0].values, step=sums[0].step)
         fitted_parts = search_total(parts, total)
-        judged = (judge_channel(parts[name], fitted_parts[name]) for name in unknown)
-        return [_unsigned(verdict) for verdict in judged]
+        return [_unsigned(judge_channel(fitted_parts[name])) for name in unknown]
     place = motion.position(axis, "beside its drive_position")
     way, turned = way_of_counting(place, drive), ""
     if way < 0:
@@ -237,9 +236,7 @@ def _sums(
     late_by = dataclasses.replace(motion, clock=part)
     parts = {name: changed(channel, motion=late_by) for name, channel in parts.items()}
     fitted_parts = search_total(parts, target)
-    verdicts = [
-        judge_channel(parts[name], fitted_parts[name], turned) for name in parts
-    ]
+    verdicts = [judge_channel(fitted, turned) for fitted in fitted_parts.values()]
     return verdicts if way else [_unsigned(verdict) for verdict in verdicts]
 
 
