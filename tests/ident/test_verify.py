@@ -29,11 +29,11 @@ WIDTH, CYCLES = 0.025, 10
 WORDS = {"x10": "unit", "x0.1": "unit"}
 SENTENCES = {
     ("leadscrew", "sign"): "added with opposite sign",
-    ("leadscrew", "x10"): "unit is ten times larger",
+    ("leadscrew", "x10"): "unit is 10 times larger",
     ("leadscrew", "shift"): "table applied 3.0 mm further",
-    ("leadscrew", "lag"): "two cycles later",
+    ("leadscrew", "lag"): "2 cycles later",
     # A filter of n cycles is half of n − 1 cycles late, on a surface without steps.
-    ("plane", "lag"): "two cycles later; on this table it looks the same when filtered"
+    ("plane", "lag"): "2 cycles later; on this table it looks the same when filtered"
     " over 5 cycles",
 }
 # Faults that act on every table alike: the leadscrew shows them.
@@ -290,7 +290,7 @@ def test_a_pair_of_faults_is_found(
 def test_two_faults_are_joined_in_one_sentence(tmp_path: Path) -> None:
     log = plain_log(tmp_path, {"A3.leadscrew": screw(("sign", "lag"))}, seed=5)
     one = only(verified(log, screw_list(), axis_list()))
-    assert one.sentence == "added with opposite sign and two cycles later"
+    assert one.sentence == "added with opposite sign and 2 cycles later"
 
 
 def test_the_drive_position_alone_tells_each_part_and_the_final_sign(

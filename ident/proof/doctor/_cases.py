@@ -149,16 +149,9 @@ class Scene:
 
     def alike_both_ways(self, use: InUse) -> bool:
         """Return whether a compensation adds the same to its axis in both directions."""
-        change, columns = self.changes[use.axis], list[np.ndarray]()
-        for sign in (1, -1):
-            way = np.full(len(change.change), sign)
-            moved = {
-                **self.changes,
-                use.axis: dataclasses.replace(change, direction=way),
-            }
-            channel = dataclasses.replace(self, changes=moved).channel(use, use.axis)
-            columns.append(channel.column(channel.plain))
-        return np.array_equal(columns[0], columns[1])
+        channel = self.channel(use, use.axis)
+        between = channel.parts(channel.plain, slice(None)).change
+        return between is None or not between.any()
 
     def target(self, use: InUse, axis: int) -> Target:
         """Return the change of an axis as what a compensation may have added to it.

@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Collection, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -71,20 +72,13 @@ class Measured:
         """The readings in which no such axis accelerates; all where hardly any is left."""
         if self.driven is None or np.mean(~self.driven) < _ENOUGH:
             return self
-        keep = ~self.driven
-
-        def kept(values: np.ndarray | None) -> np.ndarray | None:
-            return None if values is None else values[keep]
-
-        return dataclasses.replace(
-            self,
-            positions={axis: place[keep] for axis, place in self.positions.items()},
-            error=self.error[keep],
-            direction=kept(self.direction),
-            late=kept(self.late),
-            time=kept(self.time),
-            driven=None,
-        )
+        kept: dict[str, Any] = {
+            name: values[~self.driven]
+            for name, values in vars(self).items()
+            if isinstance(values, np.ndarray)
+        }
+        places = {axis: at[~self.driven] for axis, at in self.positions.items()}
+        return dataclasses.replace(self, **kept | {"positions": places, "driven": None})
 
 
 @dataclasses.dataclass(frozen=True)

@@ -26,10 +26,6 @@ FAULT = 2.0 * math.log(100.0)
 SHIFTS = 240
 """Most places of a table that are tried along one master."""
 
-_NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight",
-            "nine", "ten")  # fmt: skip
-
-
 RULES = {
     "plane_index": "swapped",
     "crosstalk_outside": "edge",
@@ -168,10 +164,8 @@ def _text(word: str, value: float, change: Change, channel: AbstractChannel) -> 
         case "swapped":
             return f"masters swapped: {_swapped(change.masters, channel)}"
         case "lag":
-            size = abs(round(value))
-            count = _NUMBERS[size] if size < len(_NUMBERS) else str(size)
-            direction = "later" if value > 0 else "earlier"
-            return f"{count} {'cycle' if size == 1 else 'cycles'} {direction}"
+            size, direction = abs(round(value)), "later" if value > 0 else "earlier"
+            return f"{size} {'cycle' if size == 1 else 'cycles'} {direction}"
         case "filter":
             return _filter(change, channel)
         case _ if change.edge is not None:
@@ -189,18 +183,12 @@ def _filter(change: Change, channel: AbstractChannel) -> str:
     listed = channel.cycles_under(channel.conventions)
     if cycles <= 1:
         return f"not filtered, instead of over {max(listed, 1)} cycles"
-    return (
-        f"filtered over {cycles} cycles instead of {listed if listed > 1 else 'none'}"
-    )
+    instead = listed if listed > 1 else "none"
+    return f"filtered over {cycles} cycles instead of {instead}"
 
 
 def _times(size: float) -> str:
-    larger = size > 1.0
-    factor = size if larger else 1.0 / size
-    word = "larger" if larger else "smaller"
-    exact = round(factor)
-    if math.isclose(factor, exact, rel_tol=1e-9) and exact == 10:
-        return f"ten times {word}"
+    factor, word = (size, "larger") if size > 1.0 else (1.0 / size, "smaller")
     note = " (inch for mm?)" if math.isclose(factor, 25.4, rel_tol=0.01) else ""
     return f"{factor:.4g} times {word}{note}"
 

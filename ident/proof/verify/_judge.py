@@ -66,17 +66,20 @@ class Verdict:
         return self.verdict == ("agrees",)
 
 
-def judge_channel(result: Found, turned: str = "") -> Verdict:
+def judge_channel(result: Found, signed: bool, turned: str = "") -> Verdict:
     """Return the verdict on one compensation.
 
-    `turned` says what may as well be the reason of an opposite sign; empty: nothing.
+    Args:
+        result: What explains it.
+        signed: Whether what was explained tells the sign that it has at the drive.
+        turned: What may as well be the reason of an opposite sign; empty: nothing.
     """
     channel, best, faults = result.channel, result.rivals[0], result.faults
     identity = channel.axis, channel.compensation
 
     def verdict(found: Mapping[str, float | None], sentence: str) -> Verdict:
         words, sizes = (*found,), (*found.values(),)
-        return Verdict(*identity, words, sizes, sentence, *settled(result))
+        return Verdict(*identity, words, sizes, sentence, *settled(result, signed))
 
     def silent(sentence: str) -> Verdict:
         return Verdict(*identity, (), (), sentence, {})
@@ -213,8 +216,8 @@ def _unseen(result: Found) -> list[str]:
     ]
 
 
-def settled(result: Found) -> tuple[dict[str, int | str], frozenset[str]]:
-    """Return the conventions that fit, and which of them nothing settles.
+def settled(result: Found, signed: bool) -> tuple[dict[str, int | str], frozenset[str]]:
+    """Return the conventions that fit, a sign among them or not, and the unsettled ones.
 
     A table that lies elsewhere settles its sign alone, since not every rule is tried there; one
     with any other factor settles nothing.
@@ -249,6 +252,8 @@ def settled(result: Found) -> tuple[dict[str, int | str], frozenset[str]]:
         unsure = any_factor or (elsewhere and name != sign)
         if unsure or min(opposed) - best.criterion < SETTLED:
             doubtful.add(name)
+    if not signed:
+        values.pop(sign, None)
     return values, frozenset(doubtful)
 
 

@@ -124,7 +124,7 @@ def verify_log(
                 " that is allowed for."
             )
     # Only the drive tells with which sign.
-    verdicts = [_unsigned(judge_channel(fitted)) for fitted in searches.values()]
+    verdicts = [judge_channel(fitted, signed=False) for fitted in searches.values()]
     for axis, parts in channels.items():
         summed = _sums(axis, parts, log, number, motion, set(searches), remarks)
         verdicts = _merged(verdicts, summed)
@@ -193,12 +193,8 @@ def _sums(
 ) -> list[Verdict]:
     """Return verdicts from the position at the drive, else from the sum."""
     drive = motion.drives.get(axis)
-    sums = [
-        offset
-        for offset in log.offsets
-        if offset.compensation == "offset"
-        and (offset.axis is None or number(offset.axis) == axis)
-    ]
+    sums = [one for one in log.offsets if one.compensation == "offset"]
+    sums = [one for one in sums if one.axis is None or number(one.axis) == axis]
     # A current is no position.
     parts = {k: c for k, c in parts.items() if not c.one.kind.adds_current}
     if not parts:
@@ -208,8 +204,8 @@ def _sums(
         if not (sums and unknown):
             return []
         total = Target.of(sums[0].values, step=sums[0].step)
-        fitted_parts = search_total(parts, total)
-        return [_unsigned(judge_channel(fitted_parts[name])) for name in unknown]
+        totals = search_total(parts, total)
+        return [judge_channel(totals[name], signed=False) for name in unknown]
     place = motion.position(axis, "beside its drive_position")
     way, turned = way_of_counting(place, drive), ""
     if way < 0:
@@ -235,29 +231,13 @@ def _sums(
         )
     late_by = dataclasses.replace(motion, clock=part)
     parts = {name: changed(channel, motion=late_by) for name, channel in parts.items()}
-    fitted_parts = search_total(parts, target)
-    verdicts = [judge_channel(fitted, turned) for fitted in fitted_parts.values()]
-    return verdicts if way else [_unsigned(verdict) for verdict in verdicts]
+    found = search_total(parts, target).values()
+    return [judge_channel(fitted, bool(way), turned) for fitted in found]
 
 
-def _signs(verdict: Verdict) -> set[str]:
-    """Return the names of the signs that a verdict tells."""
-    return {name for name in verdict.settled if name.endswith("_sign")}
-
-
-def _unsigned(verdict: Verdict) -> Verdict:
-    """Return a verdict that settles no sign."""
-    names = verdict.settled.keys() - _signs(verdict)
-    rules = {name: verdict.settled[name] for name in names}
-    return dataclasses.replace(verdict, settled=rules)
-
-
-def _signed(single: Verdict, summed: Verdict) -> Verdict:
-    """Return the verdict on a single value with the sign that the sum settles."""
-    signs = _signs(summed)
-    rules = {**single.settled, **{name: summed.settled[name] for name in signs}}
-    doubtful = single.doubtful | (summed.doubtful & signs)
-    return dataclasses.replace(single, settled=rules, doubtful=doubtful)
+def _signs(verdict: Verdict) -> dict[str, int | str]:
+    """Return the signs that a verdict tells."""
+    return {k: rule for k, rule in verdict.settled.items() if k.endswith("_sign")}
 
 
 def _contradicts(single: Verdict, summed: Verdict) -> bool:
@@ -292,7 +272,10 @@ def _merged(logged: Sequence[Verdict], summed: Sequence[Verdict]) -> list[Verdic
             text = f"logged {how}, but at the drive {verdict.sentence}"
             merged[key] = dataclasses.replace(verdict, sentence=text)
         else:
-            merged[key] = _signed(single, verdict)
+            signs = _signs(verdict)
+            rules = {**single.settled, **signs}
+            doubtful = single.doubtful | (verdict.doubtful & signs.keys())
+            merged[key] = dataclasses.replace(single, settled=rules, doubtful=doubtful)
     return list(merged.values())
 
 
@@ -307,7 +290,7 @@ def _summary(
     sure: dict[str, dict[int | str, list[int]]] = {}
     for verdict in reversed(verdicts):  # of doubtful values the first one counts
         # A job must not run on a sign that this log cannot tell.
-        doubtful = verdict.doubtful & verdict.settled.keys() - _signs(verdict)
+        doubtful = verdict.doubtful & verdict.settled.keys() - _signs(verdict).keys()
         values |= {name: verdict.settled[name] for name in doubtful}
     for verdict in verdicts:
         for name in verdict.settled.keys() - verdict.doubtful:
