@@ -69,10 +69,7 @@ from ._units import (
     LIST_UNITS as LIST_UNITS,
     ExchangeError as ExchangeError,
     ModelUnit as ModelUnit,
-)
-from .controller._controller import (
-    columns_of as columns_of,
-    controller_from_lists as controller_from_lists,
+    expect as expect,
 )
 from .controller._events import (
     ControllerEvent as ControllerEvent,
@@ -85,5 +82,7 @@ from .controller._motion import (
 from .controller._simulate import (
     AxisLists as AxisLists,
     AxisOffsets as AxisOffsets,
+    columns_of as columns_of,
+    controller_from_lists as controller_from_lists,
     simulate as simulate,
 )

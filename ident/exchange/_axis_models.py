@@ -11,7 +11,7 @@ from ...data.lists import ListFile, Value
 from ...models import Conventions
 from ..kinds import kind, kinds
 from ._capacity import ListTarget
-from ._files import axis_file, compensation_file, to_add, with_tables
+from ._files import axis_file, to_add, with_tables
 from ._identity import Increments
 from ._machine_lists import Reading, entries_of_activation, machine_lists
 from ._nodes import Ranges
@@ -147,12 +147,13 @@ def load_model(
     reading = Reading(rules, increment, modulo or {})
     uses = {use.name: use for use in machine.in_use(rules)}
     entries = {name: use.kind.entries for name, use in uses.items()}
-    masters = {n: entries[n].named_masters(use.listing) for n, use in uses.items()}
+    named = ((n, entries[n].named_masters(use.listing)) for n, use in uses.items())
+    masters = {name: axes for name, axes in named if axes}
     currents = [name for name, use in uses.items() if use.kind.adds_current]
     return AxisModels(
         axis=numbers[0],
         models={name: use.model(reading) for name, use in uses.items()},
-        masters={name: axes for name, axes in masters.items() if axes},
+        masters=masters,
         units={name: entries[name].units[0] for name in currents},
     )
 
@@ -183,7 +184,7 @@ def write_lists(
         OSError: If a file cannot be read or written.
         ExchangeError: As `AxisModels.to_entries`; nothing is written then.
     """
-    drafts: dict[str, ListFile] = {}
+    drafts: list[ListFile] = []
     given_models = list(models) if isinstance(models, Sequence) else [models]
     for axis_models in given_models:
         name, example = type(axis_models).__name__, "AxisModels(1, {'cross': …})"
@@ -195,45 +196,39 @@ def write_lists(
     surplus = {*(lists or {})} - {*numbers}
     expect(not surplus, "lists", f"axes {sorted(surplus)}", f"some of {numbers}")
     given_files: set[Path] = set()
-    for axis_models in given_models:
-        stated = (lists or {}).get(axis_models.axis, ())
+    for number, axis_models in zip(numbers, given_models, strict=True):
+        stated = (lists or {}).get(number, ())
         files = [stated] if isinstance(stated, str | Path) else stated
         given_files |= {Path(file).resolve() for file in files}
         existing_lists = machine_lists([ListFile.read(Path(file)) for file in files])
-        existing = existing_lists.compensation.get(axis_models.axis)
+        existing = existing_lists.compensation.get(number)
         entries, axis_entries = axis_models.to_entries(
             conventions=conventions, existing=existing, build=build
         )
         if entries:
-            name = compensation_file(axis_models.axis)
-            title = f"Compensation list of axis {axis_models.axis}, written by axcomp"
-            edited = with_tables(existing, axis_models.axis, entries, title)
-            drafts[name] = edited.listing
-        machine = existing_lists.machine.get(axis_models.axis)
+            title = f"Compensation list of axis {number}, written by axcomp"
+            drafts.append(with_tables(existing, number, entries, title).listing)
+        machine = existing_lists.machine.get(number)
         if axis_entries and machine is not None:
-            drafts[axis_file(axis_models.axis)] = machine.merge(axis_entries)
+            machine = machine.merge(axis_entries)
+            drafts.append(dataclasses.replace(machine, source=axis_file(number)))
         elif axis_entries:
-            draft = to_add(axis_models.axis, axis_entries)
-            drafts[draft.source] = draft
-        _refuse_other_rules(axis_models, [*drafts.values()], conventions)
+            drafts.append(to_add(number, axis_entries))
+        _refuse_other_rules(axis_models, drafts, conventions)
     folder = Path(out)
     folder.mkdir(parents=True, exist_ok=True)
-    for name, draft in drafts.items():
-        target, content = folder / name, draft.dumps()
-        if target.resolve() in given_files:
-            write_atomically(target, content)
-        else:
-            write_keeping(target, content)
-    return tuple(folder / name for name in drafts)
+    for draft in drafts:
+        target = folder / draft.source
+        write = write_atomically if target.resolve() in given_files else write_keeping
+        write(target, draft.dumps())
+    return tuple(folder / draft.source for draft in drafts)
 
 
 def _refuse_other_rules(
     axis_models: AxisModels, lists: Sequence[ListFile], conventions: Conventions | None
 ) -> None:
-    """Raise where lists, read back, make a model of other rules than the one written.
-
-    A list holds values; what a controller does outside a table, or at rest, is its own.
-    """
+    """Raise where lists, read back, make a model of other rules than the one written."""
+    # A list holds values; what a controller does outside a table, or at rest, is its own.
     rules = conventions or Conventions()
     for use in machine_lists(lists).in_use(rules):
         model = axis_models.models.get(use.name)

@@ -76,11 +76,7 @@ class ExchangedTable:
     def stated(
         self, compensation: str | None, axis: int | None, masters: Sequence[int]
     ) -> "ExchangedTable":
-        """Return the table with what the user states of it.
-
-        Raises:
-            ExchangeError: If the format says something else.
-        """
+        """Return the table with what the user states of it, unless the format says else."""
         given = {"compensation": compensation, "axis": axis, "masters": tuple(masters)}
         changes: dict[str, Any] = {k: value for k, value in given.items() if value}
         for key, value in changes.items():

@@ -41,7 +41,7 @@ class Edited:
     """A compensation list whose tables were replaced.
 
     Attributes:
-        listing: The list.
+        listing: The list, under the name that it is written by.
         added: Names of the entries that it lacked before.
         removed: Names of those that went.
     """
@@ -67,10 +67,12 @@ def with_tables(
         comment: Lines at the top of a new list.
         name: Of the axis, for a new list.
     """
+    source = compensation_file(number)
     if existing is None:
         head: dict[str, Value] = {"kopf.achs_nr": number}
         head |= {} if name is None else {"kopf.log_achs_name": name}
-        return Edited(new_list(head | dict(entries), comment=comment), [], [])
+        listing = new_list(head | dict(entries), comment=comment)
+        return Edited(dataclasses.replace(listing, source=source), [], [])
     columns = existing.columns.items()
     names = (full_name(key, at) for key, rows in columns for at in rows.last)
     present = dict.fromkeys(names)
@@ -85,4 +87,5 @@ def with_tables(
     if "kopf.achs_nr" not in present:
         values = {"kopf.achs_nr": number} | values
     added = [name for name in values if name not in present]
-    return Edited(existing.remove(stale).merge(values), added, stale)
+    listing = existing.remove(stale).merge(values)
+    return Edited(dataclasses.replace(listing, source=source), added, stale)

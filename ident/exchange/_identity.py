@@ -97,8 +97,7 @@ def values_of(
 ) -> dict[int, int] | dict[tuple[int, int], int]:
     """Return a column of a table in list units, by index.
 
-    Raises:
-        ExchangeError: If an entry is unreadable: as 0 it would make another table.
+    An unreadable entry is refused: as 0 it would make another table.
     """
     keys = [f"{prefix}.{table}.{field}".lower() for table in _TABLES]
     for rows in (listing.columns[name] for name in keys if name in listing.columns):

@@ -85,11 +85,7 @@ def point_nodes(setpoints: Float[np.ndarray, " n"], name: str) -> ListNodes:
 
 
 def nodes_of_model(nodes: AbstractNodes, name: str) -> ListNodes:
-    """Return the nodes of a model in list units.
-
-    Raises:
-        ExchangeError: If a position is no multiple of a list unit.
-    """
+    """Return the nodes of a model in list units; other places than multiples are refused."""
     if isinstance(nodes, ModuloNodes):
         nodes = nodes.nodes
     if isinstance(nodes, EquidistantNodes):
@@ -121,9 +117,7 @@ def wrapped(
 
 
 def refuse_jump(
-    nodes: AbstractNodes,
-    values: Int[np.ndarray, "_p ..."],
-    name: str,
+    nodes: AbstractNodes, values: Int[np.ndarray, "_p ..."], name: str
 ) -> None:
     """Raise where a table over a modulo axis jumps at the transition (S-20).
 

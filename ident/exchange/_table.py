@@ -70,9 +70,7 @@ class AbstractTable(abc.ABC):
         """
 
     def entries(
-        self,
-        integers: Int[np.ndarray, "..."],
-        target: ListTarget = ANY_LIST,
+        self, integers: Int[np.ndarray, "..."], target: ListTarget = ANY_LIST
     ) -> Mapping[str, Value]:
         """Return the list entries for integer values shaped like `layout`."""
         target = dataclasses.replace(target, rules=self.conventions)
@@ -112,13 +110,8 @@ class AbstractTable(abc.ABC):
         )
 
     def to_integers(self, offset: Float[np.ndarray, "..."]) -> Int[np.ndarray, "..."]:
-        """Round offsets at the nodes (mm or °) to the integers of the list.
-
-        Raises:
-            ExchangeError: If one does not fit its type.
-        """
-        column = "pos" if "pos" in self.branch_names else "correction"
-        name = f"{self.kind.prefix}.table[].{column}"
+        """Round offsets at the nodes (mm or °) to the integers of the list (`round_to_list`)."""
+        name = f"{self.kind.prefix}.table[].{self.kind.entries.columns[0]}"
         return round_to_list(self.sign * offset, name, self.value_bounds)
 
     def to_offsets(self, integers: Int[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
@@ -190,11 +183,7 @@ def offset_at(
 
 
 def nodes_in(model: Model, name: str) -> tuple[ListNodes, ...]:
-    """Return the nodes of a model per master, in list units.
-
-    Raises:
-        ExchangeError: If a position is no multiple of a list unit.
-    """
+    """Return the nodes of a model per master (`nodes_of_model`)."""
     masters = model.ways
     names = [name] if len(masters) == 1 else [f"{name} master {k}" for k in (1, 2)]
     return tuple(nodes_of_model(*pair) for pair in zip(masters, names, strict=True))
@@ -211,9 +200,6 @@ def refuse_lost_nodes(table: AbstractTable, old: Model, source: str) -> None:
     """Raise where a table that continues an old one lacks some of its nodes.
 
     Only on the old nodes, or on more, is old + residual a table again.
-
-    Raises:
-        ExchangeError: Naming the nodes that are missing.
     """
     table.refuse_other_form(old, source)
     for master, mine, theirs in zip(table.masters, table.nodes, old.ways, strict=True):

@@ -93,9 +93,7 @@ def round_to_list(
 
 
 def exact_in_list(
-    values: Float[np.ndarray, "..."] | float,
-    name: str,
-    bounds: tuple[int, int] = SGN32,
+    values: Float[np.ndarray, "..."] | float, name: str, bounds: tuple[int, int] = SGN32
 ) -> Int[np.ndarray, "..."]:
     """Convert mm or ° to list units, refusing what is no multiple of one.
 

@@ -1,6 +1,6 @@
 """Why a list can be trusted: held-out prediction, the gate, and what a controller shows.
 
-Read `_figures` (how large an error is), `_heldout` (each reading under the list that was fitted
+Read `_figures` (how large an error is, and of each reading under the list that was fitted
 without it), `_dynamics` (the motion that a table adds), `_gate` (what it may do), `axis` (all
 that acts on one axis, judged together), `_circle` (what friction does to a circle). Folders:
 `verify` (a controller's log against its lists), `doctor` (measurements without and with the
@@ -17,8 +17,13 @@ from ._dynamics import GateTable as GateTable
 from ._figures import (
     ErrorFigures as ErrorFigures,
     ErrorTally as ErrorTally,
+    HeldOut as HeldOut,
     RunTable as RunTable,
     error_figures as error_figures,
+    groups_of_passes as groups_of_passes,
+    groups_of_runs as groups_of_runs,
+    held_out as held_out,
+    run_variance as run_variance,
 )
 from ._gate import (
     GateCheck as GateCheck,
@@ -29,19 +34,9 @@ from ._gate import (
     reversal_checks as reversal_checks,
     reversal_dynamics as reversal_dynamics,
 )
-from ._heldout import (
-    HeldOut as HeldOut,
-    groups_of_passes as groups_of_passes,
-    groups_of_runs as groups_of_runs,
-    held_out as held_out,
-    run_variance as run_variance,
-)
 
 if TYPE_CHECKING:
-    from ._circle import (
-        CircularTest as CircularTest,
-        circular_test as circular_test,
-    )
+    from ._circle import CircularTest as CircularTest, circular_test as circular_test
     from .doctor import (
         Diagnosis as Diagnosis,
         Measured as Measured,

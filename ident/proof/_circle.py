@@ -11,11 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ...models import (
-    AbstractFriction,
-    FrictionCompensation,
-    FrictionTable,
-)
+from ...models import AbstractFriction, FrictionCompensation, FrictionTable
 
 _FORGOTTEN = 20.0
 """Time constants of the loop after which its state at the start no longer matters."""
@@ -85,9 +81,7 @@ def circular_test(
     # The other axis does not err: this one's share of the radius is cos of the angle.
     radial = (place.T - CircularTest.radius * np.cos(phase)) * np.cos(phase)
     return CircularTest(
-        angle=np.rad2deg(phase - phase[0]),
-        without=radial[0],
-        with_list=radial[1],
+        angle=np.rad2deg(phase - phase[0]), without=radial[0], with_list=radial[1]
     )
 
 

@@ -14,7 +14,7 @@ from jaxtyping import Float
 
 from ....data.lists import ListFile, Value
 from ....models import Conventions
-from ...exchange._files import compensation_file, to_add, with_tables
+from ...exchange._files import to_add, with_tables
 from ...exchange._identity import Increments
 from ...exchange._machine_lists import Reading, machine_lists
 from ...exchange._nodes import ListNodes
@@ -243,8 +243,8 @@ def make_probe(
         name = axes[number].name
         title = f"Probe list of {name}: 10 um plateaus, not for machining."
         if entries:
-            made = with_tables(None, number, entries, title, name=name).listing
-            lists[number] = dataclasses.replace(made, source=compensation_file(number))
+            made = with_tables(None, number, entries, title, name=name)
+            lists[number] = made.listing
         added: dict[str, Value] = {"kopf.achs_nr": number}
         for table in mine:
             found = kind(table.name)

@@ -1,5 +1,5 @@
 """The controller of a whole machine: its lists, run along a motion.
 
-Read `_controller` (lists → `PositionController`), `_motion`, `_events` (what happens at the
-controller meanwhile) and `_simulate` (a machine, or all that acts on one axis).
+Read `_motion`, `_events` (what happens at the controller meanwhile) and `_simulate` (lists →
+`PositionController`, which is run for a machine, or for all that acts on one axis).
 """

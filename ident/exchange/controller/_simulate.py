@@ -1,8 +1,9 @@
-"""What the lists of a machine, or of one axis, add along a motion."""
+"""The controller of a machine, and what its lists, or those of an axis, add along a motion."""
 
 import dataclasses
 import functools
 from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -11,6 +12,7 @@ from jaxtyping import Array, Float
 
 from ....data.lists import ListFile
 from ....models import (
+    AxisCompensations,
     Conventions,
     Motion as ControllerMotion,
     PositionController,
@@ -20,6 +22,7 @@ from ...kinds import kinds
 from .._machine_lists import (
     REVERSAL_CYCLES,
     InUse,
+    MachineLists,
     Reading,
     axes_in_use,
     machine_lists,
@@ -27,7 +30,6 @@ from .._machine_lists import (
 )
 from .._nodes import as_array
 from .._units import ExchangeError, expect
-from ._controller import controller_of
 from ._events import ControllerEvent, homed_rows, loaded_versions, selected_rows
 from ._motion import Column, Motion, direction_of_motion
 
@@ -35,6 +37,62 @@ _SMALLEST = 256
 """Motions are padded to powers of two from here on: few shapes to compile."""
 _BY_ACTUAL = ("crosstalk_input", "direction_source", "plane_input")
 """Conventions that may take actual positions."""
+
+
+def controller_from_lists(
+    lists: Sequence[ListFile], reading: Reading, *, axes: Sequence[int] | None = None
+) -> PositionController:
+    """Return the position controller of a machine with these lists loaded.
+
+    Args:
+        lists: Compensation and axis lists in any order.
+        reading: How they are read.
+        axes: Logical numbers of the machine's axes, one per column of the motion; all
+            that the lists name, ascending, where it is left out.
+
+    Raises:
+        ExchangeError: If a list makes no table, an axis has two lists, or a list names
+            an axis that the machine lacks.
+    """
+    machine = machine_lists(lists)
+    uses = machine.in_use(reading.conventions, reading.lines)
+    numbers = axes_in_use(uses, machine) if axes is None else tuple(axes)
+    return _controller_of(uses, machine, numbers, reading)
+
+
+def _controller_of(
+    used: Sequence[InUse], lists: MachineLists, numbers: Sequence[int], reading: Reading
+) -> PositionController:
+    """Return the position controller that has these compensations, and no others."""
+    columns, axes = columns_of(used, numbers), list[AxisCompensations]()
+    fields = {field.name for field in dataclasses.fields(AxisCompensations)}
+    for number in numbers:
+        uses = [use for use in used if use.axis == number]
+        parts: dict[str, Any] = {}
+        for use in uses:
+            masters = tuple(columns[master] for master in use.masters)
+            model = use.model(reading)
+            parts |= use.kind.entries.installed(model, masters, use.listing)
+        parts["further"] = {name: parts.pop(name) for name in parts.keys() - fields}
+        manual = () if reading.commanded else tuple(o.name for o in uses if o.manual)
+        cycles = reversal_cycles(lists.machine.get(number))
+        axes.append(AxisCompensations(**parts, reversal_cycles=cycles, manual=manual))
+    return PositionController(axes=tuple(axes), conventions=reading.conventions)
+
+
+def columns_of(used: Sequence[InUse], numbers: Sequence[int]) -> dict[int, int]:
+    """Return the column of each axis.
+
+    Raises:
+        ExchangeError: If a compensation names an axis that has none.
+    """
+    for use in used:
+        for axis in (use.axis, *use.masters):
+            role = "axis" if axis == use.axis else "master axis"
+            where, found = use.listing.source, f"{role} {axis}, which the machine lacks"
+            expected = f"one of its axes, {', '.join(map(str, numbers))}"
+            expect(axis in numbers, f"{where}: {use.name}", found, expected)
+    return {number: k for k, number in enumerate(numbers)}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -114,7 +172,7 @@ def simulate(
             for axis in use.kind.entries.looks_at(use, motion, reading):
                 motion.position(axis, f"for the {use.name} of A{use.axis}")
         numbers = axes_in_use(used, machine)
-        controller = controller_of(computed, machine, numbers, reading)
+        controller = _controller_of(computed, machine, numbers, reading)
         whole = _controller_motion(motion, numbers, reading.conventions)
         if events is not None:
             others = [event for event in events if event.action != "reload"]

@@ -23,8 +23,6 @@ LEVEL = 0.15
 class FrictionChannel(AbstractChannel):
     """A current over the speed of the axis."""
 
-    unit = ""
-
     def prepare(self) -> None:
         self.relevant = (
             "friction_below",

@@ -91,13 +91,8 @@ class Diagnosis:
 
     def as_tree(self) -> dict[str, Any]:
         """Return it as result.json has it."""
-        return {
-            "verdict": self.verdict,
-            "value": self.value,
-            "probability": self.probability,
-            "sign": self.sign,
-            "sentence": self.sentence,
-        }
+        names = "verdict", "value", "probability", "sign", "sentence"
+        return {name: getattr(self, name) for name in names}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -146,12 +141,6 @@ class Scene:
         free = np.column_stack([change.free, *columns])
         changes = {**self.changes, axis: dataclasses.replace(change, free=free)}
         return dataclasses.replace(self, changes=changes)
-
-    def alike_both_ways(self, use: InUse) -> bool:
-        """Return whether a compensation adds the same to its axis in both directions."""
-        channel = self.channel(use, use.axis)
-        between = channel.parts(channel.plain, slice(None)).change
-        return between is None or not between.any()
 
     def target(self, use: InUse, axis: int) -> Target:
         """Return the change of an axis as what a compensation may have added to it.

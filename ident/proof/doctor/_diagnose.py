@@ -9,8 +9,7 @@ import numpy as np
 
 from ....data.lists import ListFile
 from ....models import Conventions
-from ...exchange import InUse, Reading, machine_lists
-from ...exchange._units import expect
+from ...exchange import InUse, Reading, expect, machine_lists
 from ...kinds import kind
 from ..verify import FAULT, search
 from ._cases import SUSPECTED, Diagnosis, Scene, cases_of
@@ -141,13 +140,15 @@ def _but_for_the_machine(use: InUse, scene: Scene, diagnosis: Diagnosis) -> Diag
         )
         if axes
     ]
-    way = change.direction
-    if way is not None and np.ptp(way) and scene.alike_both_ways(use):
+    way, channel = change.direction, scene.channel(use, use.axis)
+    between = channel.parts(channel.plain, slice(None)).change
+    alike = between is None or not between.any()  # in both directions
+    if way is not None and np.ptp(way) and alike:
         words = "a difference of the directions that no list adds (backlash?)"
         beside.append((scene.with_free(use.axis, [way.astype(float)]), words))
 
     def left(scene: Scene) -> float:
-        found = search(scene.channel(use, use.axis), scene.target(use, use.axis))
+        found = search(channel, scene.target(use, use.axis))
         return float(np.median(np.abs(found.residual)))
 
     for freed, words in beside:
@@ -160,14 +161,11 @@ def _but_for_the_machine(use: InUse, scene: Scene, diagnosis: Diagnosis) -> Diag
 
 
 def not_judged(
-    lists: Sequence[ListFile],
-    conventions: Conventions,
-    names: Mapping[int, str] | None = None,
+    lists: Sequence[ListFile], conventions: Conventions, names: Mapping[int, str]
 ) -> tuple[str, ...]:
     """Return a line for each list whose effect no such measurement shows, and why."""
-    axis_names = names or {}
     return tuple(
-        f"{axis_names.get(use.axis, f'A{use.axis}')} {use.name}: not judged: {use.kind.unseen}"
+        f"{names.get(use.axis, f'A{use.axis}')} {use.name}: not judged: {use.kind.unseen}"
         for use in machine_lists(lists).in_use(conventions)
         if use.kind.unseen
     )

@@ -119,8 +119,10 @@ def difference(
     directed = all(one.direction is not None for one in both)
     for axes in (every, sorted({*followed} & {*every}) or every):
         earlier, later = (_places(each, axes, directed) for each in (before, after))
-        match, matched = _matches(earlier, later)
-        if matched:
+        # The place before of each after, −1 for none; most are to be one.
+        number = {tuple(key): k for k, key in enumerate(earlier.keys.tolist())}
+        match = np.array([number.get(tuple(key), -1) for key in later.keys.tolist()])
+        if matched := bool(np.sum(match >= 0) >= _MATCHED * len(match)):
             break
     if matched:
         early = np.where(match[:, None] >= 0, earlier.levels[match], np.nan)
@@ -219,13 +221,6 @@ def _places(
     count = np.bincount(place, counts)
     shared = np.stack([np.bincount(place, counts * c) / count for c in shares], axis=1)
     return _Places(places, shared, count, at)
-
-
-def _matches(earlier: _Places, later: _Places) -> tuple[Int[np.ndarray, " g"], bool]:
-    """Return which place before is each after, −1 for none, and whether most are one."""
-    number = {tuple(key): k for k, key in enumerate(earlier.keys.tolist())}
-    match = np.array([number.get(tuple(key), -1) for key in later.keys.tolist()])
-    return match, bool(np.sum(match >= 0) >= _MATCHED * len(match))
 
 
 def _interpolated(

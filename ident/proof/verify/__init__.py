@@ -5,7 +5,7 @@ under changes that a controller may make (`Change`). The search compares such hy
 well they explain what was logged, the noise being estimated, and what each costs (a description
 length); the judge puts the best into words.
 
-Read `_verify` (the whole, and a clock that is off), `_lists`, `_log` and `_drive` (what is to
+Read `_verify` (the whole, and a clock that is off), `_lists` and `_log` (what is to
 be explained), `_channel` (each compensation has its own in `kinds`), `_hypothesis` (with
 its words), `_scan` and `_search`, `_judge`. The `doctor` explains measurements by the same search.
 """

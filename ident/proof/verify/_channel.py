@@ -115,7 +115,6 @@ class AbstractChannel(abc.ABC):
         cycles: Length of the filter, 0 or 1 where there is none.
         listed: Length that a list states for a filter that acts on switching alone.
         coarse: Why the log does not tell when something comes, in words; or nothing.
-        unit: ``mm``, ``°``, or empty where it is that of the drive.
         relevant: Names of the conventions that it depends on, beside sign and edge.
         edge_rule: Name of the convention that says what happens beyond its table; empty:
             the last value is held.
@@ -134,7 +133,6 @@ class AbstractChannel(abc.ABC):
     coarse: str = dataclasses.field(default="", init=False)
     relevant: tuple[str, ...] = dataclasses.field(default=(), init=False)
 
-    unit: ClassVar[str] = "mm"
     edge_rule: ClassVar[str] = ""
 
     def __post_init__(self) -> None:
@@ -187,8 +185,8 @@ class AbstractChannel(abc.ABC):
 
     def distinguishes_actual(self) -> bool:
         """Return whether a log can tell directions of the command from actual ones."""
-        has_actual = self.motion.has_actual(self.axis) and self.motion.cycle is not None
-        return has_actual and self.axis not in self.motion.directions
+        timed = self.motion.has_actual(self.axis) and self.motion.cycle is not None
+        return timed and self.axis not in self.motion.directions
 
     def rules(self, conventions: Conventions) -> list[Conventions]:
         """Return conventions with another choice each of those that matter."""
@@ -211,9 +209,8 @@ class AbstractChannel(abc.ABC):
         state = self.motion.acting.get((self.axis, self.compensation))
         if state is None:
             return None
-        timed = self.motion.cycle is not None and self.listed > 1
-        share = state.astype(float)
-        return smoothed(share, self.listed) if timed else share
+        cycles = 0 if self.motion.cycle is None else self.listed
+        return smoothed(state.astype(float), cycles)
 
     def column(self, change: Change) -> Column:
         """Return what is added per row, in mm or °."""
@@ -250,15 +247,12 @@ class AbstractChannel(abc.ABC):
 
     def over_cycles(self, parts: Parts, change: Change) -> Column:
         """Return what is added per cycle in mm or °, filter included."""
-        cycles = self.cycles_of(change)
+        cycles = 0 if self.motion.cycle is None else self.cycles_of(change)
         delay = change.conventions.filter_delay
-        timed = self.motion.cycle is not None and cycles > 1
         if parts.change is None:
-            offset = smoothed(parts.ahead, cycles, delay) if timed else parts.ahead
+            offset = smoothed(parts.ahead, cycles, delay)
         else:
-            share = self.share(change)
-            if timed:
-                share = smoothed(share, cycles, delay)
+            share = smoothed(self.share(change), cycles, delay)
             offset = np.asarray(parts.ahead + share * parts.change)
         if self.acting is not None:
             offset = offset * self.acting
@@ -267,6 +261,8 @@ class AbstractChannel(abc.ABC):
 
 def smoothed(values: Column, cycles: int, late: int = 0) -> Column:
     """Return values with each change distributed over cycles by sin² (S-06)."""
+    if cycles <= 1:
+        return values
     taps = np.diff(step_response(cycles, late), prepend=0.0)
     before = np.full(len(taps) - 1, values[0])
     filtered = np.convolve(np.concatenate([before, values]), taps, mode="valid")
@@ -325,8 +321,8 @@ class TableChannel(AbstractChannel):
     ) -> Float[np.ndarray, "t d"]:
         """Return positions of the masters, commanded or actual, a column each."""
         purpose = f"for the {self.compensation} table of A{self.axis}"
-        place = self.motion.actual if actual else self.motion.position
-        return np.stack([place(axis, purpose) for axis in masters], axis=1)
+        columns = [self.motion.place(axis, purpose, actual) for axis in masters]
+        return np.stack(columns, axis=1)
 
     def _beyond(
         self, model: Model, places: Float[np.ndarray, "r d"], direction: int, edge: Edge
@@ -339,21 +335,15 @@ class TableChannel(AbstractChannel):
         offset = at(places)
         if edge == "hold" or not self.ways[0].ends:
             return offset
-        low = np.array([master.low for master in self.ways])
-        high = np.array([master.high for master in self.ways])
+        low, high = np.array([(master.low, master.high) for master in self.ways]).T
         clamped = np.clip(places, low, high)
         excess = places - clamped
-        is_outside = excess.any(axis=1)
         if edge == "zero":
-            return np.where(is_outside, 0.0, offset)
+            return np.where(excess.any(axis=1), 0.0, offset)
         for k, master in enumerate(self.ways):
-            rows = np.flatnonzero(excess[:, k])
-            if rows.size:
-                # All rows once more and not these alone: another number of rows would
-                # be another program to compile.
+            if excess[:, k].any():
                 inner = clamped.copy()
-                inner[rows, k] -= np.sign(excess[rows, k]) * 0.5 * master.step
-                nearby = at(inner)[rows]
-                slope = (offset[rows] - nearby) / (0.5 * master.step)
-                offset[rows] += np.abs(excess[rows, k]) * slope
+                inner[:, k] -= np.sign(excess[:, k]) * 0.5 * master.step
+                slope = (offset - at(inner)) / (0.5 * master.step)
+                offset += np.abs(excess[:, k]) * slope
         return offset

@@ -154,7 +154,9 @@ def _text(word: str, value: float, change: Change, channel: AbstractChannel) -> 
         case "twice":
             return "applied twice"
         case "unit":
-            return f"unit is {_times(value)}"
+            factor, way = (value, "larger") if value > 1.0 else (1.0 / value, "smaller")
+            note = " (inch for mm?)" if math.isclose(factor, 25.4, rel_tol=0.01) else ""
+            return f"unit is {factor:.4g} times {way}{note}"
         case "shift":
             return _shift(change, channel)
         case "swapped" if change.turned:
@@ -185,12 +187,6 @@ def _filter(change: Change, channel: AbstractChannel) -> str:
         return f"not filtered, instead of over {max(listed, 1)} cycles"
     instead = listed if listed > 1 else "none"
     return f"filtered over {cycles} cycles instead of {instead}"
-
-
-def _times(size: float) -> str:
-    factor, word = (size, "larger") if size > 1.0 else (1.0 / size, "smaller")
-    note = " (inch for mm?)" if math.isclose(factor, 25.4, rel_tol=0.01) else ""
-    return f"{factor:.4g} times {word}{note}"
 
 
 def _shift(change: Change, channel: AbstractChannel) -> str:

@@ -375,8 +375,8 @@ def systematic(residual: Float[np.ndarray, " r"]) -> float:
 
 
 def _size_of(channel: AbstractChannel, length: float) -> str:
-    if not channel.unit:
+    if channel.one.kind.adds_current:
         return f"{length:.2g} drive units"
-    if channel.unit == "°":
+    if channel.axis in channel.motion.ranges:
         return f"{length:.4f}°"
     return f"{1e3 * length:.1f} µm"

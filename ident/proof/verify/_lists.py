@@ -10,16 +10,17 @@ import numpy as np
 
 from ....data.lists import ListFile
 from ....data.measurements import ControllerLog, LoggedOffset
+from ....models import Conventions
 from ...exchange import (
     ExchangeError,
     Motion,
     Ranges,
     Reading,
     axis_number,
+    expect,
     machine_lists,
     reversal_cycles,
 )
-from ...exchange._units import expect
 from ...kinds import kinds
 from ._channel import AbstractChannel
 from ._judge import SETTLED
@@ -38,12 +39,7 @@ Numbering = Callable[[str], int]
 def channels_of(
     lists: Sequence[ListFile], motion: LogMotion, reading: Reading
 ) -> ByAxis:
-    """Return the channels of all lists, those that an axis list switches off left out.
-
-    Raises:
-        ExchangeError: If a list makes no table, an axis has two lists, or the log lacks
-            the position of a master.
-    """
+    """Return the channels of all lists, those that an axis list switches off left out."""
     machine = machine_lists(lists)
     channels: dict[int, dict[str, AbstractChannel]] = {}
     uses = machine.in_use(reading.conventions)
@@ -176,31 +172,27 @@ def owners(
         listed = any(kind.entries.is_in(listing) for listing in lists)
         if kind.owner is None or not reported or not listed:
             continue
-        scores: dict[str, float] = {}
-        for owner in _CHOICES:
-            rules = _with_rule(reading, kind.owner, owner)
-            try:
-                channels = channels_of(lists, motion, rules)
-            except ExchangeError:
-                break  # the log lacks a position, or an axis has two tables
-            parts = {axis: of_axis.get(kind.name) for axis, of_axis in channels.items()}
-            scores[owner] = sum(
-                _residual_criterion(parts.get(axis), report, motion)
+        rules = reading.conventions.to_dict()
+        by_owner = {owner: {**rules, kind.owner: owner} for owner in _CHOICES}
+        owned = {
+            owner: dataclasses.replace(reading, conventions=Conventions.from_dict(each))
+            for owner, each in by_owner.items()
+        }
+        try:
+            choices = [channels_of(lists, motion, each) for each in owned.values()]
+        except ExchangeError:
+            continue  # the log lacks a position, or an axis has two tables
+        scores = [
+            sum(
+                _residual_criterion(parts.get(axis, {}).get(kind.name), report, motion)
                 for axis, report in reported.items()
             )
-        if len(scores) < len(_CHOICES):
-            continue
-        likeliest = min(scores, key=lambda owner: scores[owner])
-        if max(scores.values()) - scores[likeliest] >= SETTLED:
-            reading = _with_rule(reading, kind.owner, likeliest)
+            for parts in choices
+        ]
+        if max(scores) - min(scores) >= SETTLED:
+            reading = owned[_CHOICES[scores.index(min(scores))]]
             owner_rules[kind.name] = kind.owner
     return reading, owner_rules
-
-
-def _with_rule(reading: Reading, rule: str, value: str) -> Reading:
-    rules: dict[str, Any] = {rule: value}
-    conventions = dataclasses.replace(reading.conventions, **rules)
-    return dataclasses.replace(reading, conventions=conventions)
 
 
 def _residual_criterion(

@@ -1,13 +1,14 @@
-"""What a log holds: its motion, and one column that is to be explained."""
+"""What a log holds: its motion, one column that is to be explained, and the drive's position."""
 
 import dataclasses
 import functools
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import final
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from ....data.signals import estimate_delay
 from ...exchange import ExchangeError, Motion, direction_of_motion
 from ...exchange.controller._motion import Column, Columns
 
@@ -22,6 +23,20 @@ RESOLUTION = 1e-4
 
 FLOOR = RESOLUTION / 10
 """Noise in mm that is taken for granted: the arithmetic of two programs differs."""
+
+_REACH = 20
+"""Cycles by which the drive bus may be late."""
+_SURE = 3.0
+"""Standard deviations from which on it is."""
+_ENDS = 60
+"""Rows at either end that the filter of the delay, and the delay, reach."""
+_FEWEST = 3 * _ENDS
+"""Rows from which on a log tells the delay."""
+
+_COUNTED = 1.0
+"""mm or ° of motion, or off zero, from which on a drive shows which way it counts."""
+_ADDED = 0.1
+"""mm or ° by which it may then differ from the command at standstill."""
 
 
 @final
@@ -68,30 +83,26 @@ class LogMotion(Motion):
         """Return whether the log has the actual position of one of the axes."""
         return any(axis in self.actuals for axis in axes)
 
-    def actual(self, axis: int, why: str) -> Column:
-        """Return the actual position of an axis; one without is where it should be."""
-        measured = self.actuals.get(axis)
+    def place(self, axis: int, why: str, actual: bool) -> Column:
+        """Return where an axis is to be, or is; one without actual positions is there."""
+        measured = self.actuals.get(axis) if actual else None
         return self.position(axis, why) if measured is None else measured
 
     def direction(
-        self, axis: int, why: str, start: int, actual: bool = False
+        self, axis: int, why: str, start: int, actual: bool
     ) -> Int[np.ndarray, " t"]:
         """Return the direction of motion of an axis, ±1 per row (S-21)."""
         if axis in self.directions:
             return self.directions[axis]
-        place = self.actual(axis, why) if actual else self.position(axis, why)
+        place = self.unwrapped(axis, self.place(axis, why, actual))
         if self.cycle is None:
             return np.full(self.rows, start, dtype=np.int64)
-        return direction_of_motion(self.unwrapped(axis, place), start)
+        return direction_of_motion(place, start)
 
     def required_rates(
         self, axis: int, why: str, actual: bool = False
     ) -> tuple[Column, Column]:
-        """Return velocity and acceleration of an axis in mm/s and mm/s², or °.
-
-        Raises:
-            ExchangeError: If the log has neither them nor what they follow from.
-        """
+        """Return its `rates`; a log without them and what they follow from is refused."""
         velocity, acceleration = self.rates(axis, actual)
         if velocity is None or acceleration is None:
             found = f"no velocity and acceleration of A{axis}, nor time"
@@ -196,3 +207,56 @@ class Target:
         floor = max(FLOOR**2, self.step**2 / 12.0)
         variance = np.maximum(squares, 0.0) / len(self.values) + floor
         return np.asarray(samples * np.log(variance))
+
+
+def way_of_counting(position: Column, drive: Column) -> int:
+    """Return 1 where a drive counts as its axis does, −1 where the other way, 0 if not shown.
+
+    Shown by a motion of the axis, or where it stands, by the value itself.
+    """
+    if np.ptp(position) >= _COUNTED:
+        slope = float(np.polyfit(position, drive, 1)[0])
+        return int(np.sign(slope)) if 0.5 < abs(slope) < 2.0 else 0
+    if np.min(np.abs(position)) >= _COUNTED:
+        for way in (1, -1):
+            if np.max(np.abs(way * drive - position)) < _ADDED:
+                return way
+    return 0
+
+
+def drive_target(
+    position: Column, drive: Column, listed: Sequence[Column], cyclic: bool
+) -> tuple[Target, int, float]:
+    """Return what the drive bus adds to the command, and by how many cycles it is late.
+
+    The zero of the drive is free. Where the axis moves, its own motion tells how late
+    the bus is: by whole cycles, which are taken out of the target, and by a part of one,
+    which is still in what it adds. What the lists add goes with the velocity, too: it is
+    no delay, by whatever factor it is there.
+
+    Args:
+        position: As commanded, in mm or °.
+        drive: Position on the bus.
+        listed: What each list adds.
+        cyclic: The rows are cycles.
+    """
+    ones, rows = np.ones((len(position), 1)), np.arange(len(position))
+    if not cyclic or len(rows) < _FEWEST:
+        return Target.of(drive - position, ones), 0, 0.0
+    velocity = np.gradient(position)
+    shares = np.column_stack([ones, velocity, np.gradient(velocity)])
+    design, interior = np.column_stack([shares, *listed]), slice(_ENDS, -_ENDS)
+    lag, part, aligned = 0, 0.0, drive
+    for _ in range(2):  # a delay of several cycles leaves something of it at first
+        difference = (aligned - position)[interior]
+        factors = np.linalg.lstsq(design[interior], difference, rcond=None)[0]
+        without_lists = aligned - design[:, 3:] @ factors[3:]
+        delay_fit = estimate_delay(position, without_lists, 1.0, longest=float(_REACH))
+        significant = abs(delay_fit.seconds) > _SURE * delay_fit.standard_deviation
+        delay = delay_fit.seconds if delay_fit.determined and significant else 0.0
+        lag, part = lag + round(delay), delay - round(delay)
+        aligned = drive[np.clip(rows + lag, 0, rows[-1])]
+    if abs(part) < 0.02:
+        return Target.of(aligned - position, ones), lag, 0.0
+    difference = aligned - np.interp(rows - part, rows, position)
+    return Target.of(difference, shares), lag, part

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from jaxtyping import Float, Int
 
-from ._channel import EDGES, AbstractChannel, Change
+from ._channel import EDGES, AbstractChannel, Change, Way
 from ._hypothesis import FREE_BAND, SCALES, SHIFTS, Hypothesis
 from ._log import Target
 
@@ -115,14 +115,12 @@ def place(
         return places  # and another place on top of it: too far off
     singles: list[list[float]] = []
     for k, master in enumerate(channel.ways):
-        single = _along(left, start, k, master.high - master.low, master.step)
-        singles.append(single)
-        places.append(tried(*single))
+        singles.append(_along(left, start, k, master))
+        places.append(tried(*singles[-1]))
     if len(singles) == 2:
         joint = singles[0] if places[-2][1] < places[-1][1] else singles[1]
         for k in (0, 1, 0, 1):
-            master = channel.ways[k]
-            joint = _along(left, joint, k, master.high - master.low, master.step)
+            joint = _along(left, joint, k, channel.ways[k])
         places.append(tried(*joint))
     return places
 
@@ -142,12 +140,11 @@ def _along(
     squares: Callable[[Float[np.ndarray, "s k"]], Float[np.ndarray, " s"]],
     start: Sequence[float],
     at: int,
-    length: float,
-    step: float,
+    way: Way,
 ) -> list[float]:
     """Return the best shift along one master, the others staying where they are."""
-    reach = 0.75 * length
-    spacing = max(0.5 * step, 2.0 * reach / SHIFTS)
+    reach = 0.75 * (way.high - way.low)
+    spacing = max(0.5 * way.step, 2.0 * reach / SHIFTS)
     grid = np.arange(-reach, reach + spacing, spacing)
 
     def moved(places: Float[np.ndarray, " s"]) -> Float[np.ndarray, "s k"]:
@@ -157,7 +154,7 @@ def _along(
 
     optimum = float(grid[int(np.argmin(squares(moved(grid))))])
     # Ever closer around the best one, each time with all places at once.
-    while spacing > 1e-3 * step:
+    while spacing > 1e-3 * way.step:
         closer = optimum + spacing * _CLOSER
         optimum = float(closer[int(np.argmin(squares(moved(closer))))])
         spacing *= 2.0 / (len(_CLOSER) - 1)
@@ -186,9 +183,8 @@ def timed(
     lags = np.arange(-motion.reach, motion.reach + 1)
     columns: dict[int, Float[np.ndarray, " t"]] = {}
     guesses: list[tuple[float, int, int]] = []
-    changes = {n: dataclasses.replace(change, cycles=n) for n in lengths} | {
-        listed_cycles: change
-    }
+    changes = {n: dataclasses.replace(change, cycles=n) for n in lengths}
+    changes[listed_cycles] = change
     for cycles, variant in changes.items():
         columns[cycles] = channel.over_cycles(parts, variant)
         squares = least_squares(part, columns[cycles][rows[sample] - lags[:, None]])
@@ -201,9 +197,8 @@ def timed(
         *[guess for guess in guesses if guess[2] == 0][:_TIMED],
     ]
     hypotheses: dict[Hypothesis, float] = {}
-    for cycles, lag in dict.fromkeys(
-        [(listed_cycles, 0), *(guess[1:] for guess in candidates)]
-    ):
+    chosen = dict.fromkeys([(listed_cycles, 0), *(each[1:] for each in candidates)])
+    for cycles, lag in chosen:
         delayed = columns[cycles][rows - lag]
         hypotheses |= scaled(target, changes[cycles], lag, delayed)
     return hypotheses

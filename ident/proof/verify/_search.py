@@ -83,16 +83,12 @@ def search(
     Hypotheses to start with are looked at in any case.
     """
     judged = np.arange(channel.motion.rows)[channel.motion.judged]
-    all_rows = _Rows(channel, target, judged)
-    sound, squares = all_rows, all_rows.searched(start)
-    best = sound.ranked(squares, float(len(all_rows.rows)))[0].hypothesis
-    residual = all_rows.target.residual(all_rows.column(best))
+    sound = all_rows = _Rows(channel, target, judged)
+    squares, residual = all_rows.searched(start)
     wild = wild_readings(residual, max(FLOOR, target.step))
     if 0.0 < wild.mean() <= MOST_WILD:
         sound = _Rows(channel, target, all_rows.rows[~wild])
-        squares = sound.searched(start)
-        best = sound.ranked(squares, float(len(sound.rows)))[0].hypothesis
-        residual = sound.target.residual(sound.column(best))
+        squares, residual = sound.searched(start)
     samples = independent_of(channel, sound.rows, residual)
     best = sound.ranked(squares, samples)[0].hypothesis
     squares |= sound.squares(neighbours(channel, best))
@@ -172,12 +168,16 @@ class _Rows:
         ]
         return sorted(rivals, key=lambda rival: rival.criterion)
 
-    def searched(self, start: Sequence[Hypothesis]) -> dict[Hypothesis, float]:
-        """Return what promising structures leave, and hypotheses that are given."""
-        squares: dict[Hypothesis, float] = {}
+    def searched(
+        self, start: Sequence[Hypothesis]
+    ) -> tuple[dict[Hypothesis, float], Float[np.ndarray, " r"]]:
+        """Return what promising hypotheses leave and given ones, and the residual of the best."""
+        squares = dict[Hypothesis, float]()
         for change in self._promising():
             squares |= self._refined(change)
-        return squares | self.squares(start)
+        squares |= self.squares(start)
+        best = self.ranked(squares, float(len(self.rows)))[0].hypothesis
+        return squares, self.target.residual(self.column(best))
 
     def _promising(self) -> list[Change]:
         """Return masters, edges and shifts that may explain the values, best first."""

@@ -11,13 +11,10 @@ import numpy as np
 from ....data.lists import ListFile
 from ....data.measurements import ControllerLog
 from ....models import COMPENSATIONS, Conventions
-from ...exchange import Reading
-from ...exchange._units import expect
-from ...exchange.controller._motion import Column
+from ...exchange import Reading, expect
 from ...fit import one_blas_thread
 from ...kinds import kinds
 from ._channel import AbstractChannel
-from ._drive import drive_target, way_of_counting
 from ._hypothesis import FAULT, SCALES
 from ._judge import Verdict, judge_channel
 from ._lists import (
@@ -30,7 +27,7 @@ from ._lists import (
     owners,
     reports_of,
 )
-from ._log import FLOOR, LogMotion, Target
+from ._log import FLOOR, LogMotion, Target, drive_target, way_of_counting
 from ._search import Found, search
 
 _PART = 0.1
@@ -342,40 +339,28 @@ def search_total(
 ) -> dict[str, Found]:
     """Return what explains each part of a sum, the others taken out of it.
 
-    Starts from the factors that fit all parts jointly, then looks at one part after the
-    other until none changes.
+    Starts from the factors of faults nearest to what a joint fit of all parts says, then looks
+    at one part after the other until none changes.
     """
     columns = {name: fitted.column(fitted.plain) for name, fitted in channels.items()}
-    for name, scale in _factors(columns, channels, target).items():
-        columns[name] = scale * columns[name]
+    rows = next(iter(channels.values())).motion.judged
+    if names := [name for name, column in columns.items() if np.ptp(column[rows]) > 0]:
+        free = [target.free_of(columns[name])[rows] for name in names]
+        design, values = np.stack(free, axis=1), target.values[rows]
+        factors = np.linalg.lstsq(design, values, rcond=None)[0]
+        sizes = np.array([*SCALES])
+        for name, factor in zip(names, factors, strict=True):
+            columns[name] = columns[name] * sizes[np.argmin(np.abs(sizes - factor))]
     parts: dict[str, Found] = {}
     for _ in range(_SWEEPS):
         changed = False
         for name, channel in channels.items():
-            remaining = [fitted for key, fitted in columns.items() if key != name]
-            remainder = target.values - sum(remaining, np.zeros(len(target.values)))
+            others = [column for key, column in columns.items() if key != name]
+            remainder = target.but(target.values - np.sum(others, axis=0))
             start = [parts[name].best] if name in parts else []
-            fitted = search(channel, target.but(remainder), start)
+            fitted = search(channel, remainder, start)
             changed |= name not in parts or parts[name].best != fitted.best
             parts[name], columns[name] = fitted, fitted.column
         if not changed or len(channels) == 1:
             break
     return parts
-
-
-def _factors(
-    columns: Mapping[str, Column],
-    channels: Mapping[str, AbstractChannel],
-    target: Target,
-) -> dict[str, float]:
-    """Return for each part the factor nearest to what a joint fit says."""
-    rows = next(iter(channels.values())).motion.judged
-    names = [name for name, column in columns.items() if np.ptp(column[rows]) > 0]
-    if not names:
-        return {}
-    design = np.stack([target.free_of(columns[name])[rows] for name in names], axis=1)
-    fitted = np.linalg.lstsq(design, target.values[rows], rcond=None)[0]
-    return {
-        name: min(SCALES, key=lambda scale: abs(scale - value))
-        for name, value in zip(names, fitted, strict=True)
-    }
