@@ -103,9 +103,8 @@ def table_in(
         ExchangeError: If there is none, or several and none is named.
     """
     axis_models = load_model(listing, increment=increment)
-    names = [name for name in MASTERS if name in axis_models]
-    if compensation is not None:
-        names = [name for name in names if name == compensation]
+    wanted = MASTERS if compensation is None else (compensation,)
+    names = [name for name in MASTERS if name in axis_models and name in wanted]
     description = f"tables {', '.join(names)}" if names else "no such table"
     expected = f"one to convert: --compensation {'|'.join(MASTERS)}"
     expect(len(names) == 1, listing.source, description, expected)

@@ -18,7 +18,7 @@ from ._capacity import ANY_LIST, ListTarget
 from ._identity import Increments
 from ._machine_lists import Reading
 from ._nodes import ListNodes, nodes_of_model
-from ._units import LIST_UNITS, SGN32, ExchangeError, from_list_units, round_to_list
+from ._units import LIST_UNITS, SGN32, expect, from_list_units, round_to_list
 
 if TYPE_CHECKING:
     from ..fit.joint import AbstractEffect
@@ -148,11 +148,9 @@ class AbstractTable(abc.ABC):
 
     def at_nodes(self, model: Model) -> Float[np.ndarray, "..."]:
         """Return the offset of a model at the nodes, shaped like `layout`."""
-        axes = [nodes.positions for nodes in self.nodes]
-        points = axes[0][:, None].copy()
-        if len(axes) > 1:
-            grid = np.meshgrid(*reversed(axes), indexing="ij")
-            points = np.stack([column.ravel() for column in reversed(grid)], axis=1)
+        axes = [nodes.positions for nodes in reversed(self.nodes)]
+        grid = np.meshgrid(*axes, indexing="ij")
+        points = np.stack([column.ravel() for column in reversed(grid)], axis=1)
         if self.periodic:
             # The last node is the first one again; asked as a position it would wrap,
             # and a held table would answer with its own end.
@@ -205,12 +203,11 @@ def refuse_lost_nodes(table: AbstractTable, old: Model, source: str) -> None:
     for master, mine, theirs in zip(table.masters, table.nodes, old.ways, strict=True):
         previous = np.rint(np.asarray(theirs.positions, dtype=float) * LIST_UNITS)
         missing = sorted(set(previous.astype(np.int64).tolist()) - set(mine.integers))
-        if missing:
-            listing = ", ".join(f"{k / LIST_UNITS:g}" for k in missing[:5])
-            ending = f" and {len(missing) - 5} more" if len(missing) > 5 else ""
-            raise ExchangeError(
-                where=f"{source}: {table.kind.prefix}",
-                found=f"nodes of axis {master} at {listing}{ending} in the table that was"
-                " active while measuring, but not in the new one",
-                expected="the old nodes or more of them",
-            )
+        shown = ", ".join(f"{k / LIST_UNITS:g}" for k in missing[:5])
+        more = f" and {len(missing) - 5} more" if len(missing) > 5 else ""
+        found = (
+            f"nodes of axis {master} at {shown}{more} in the table that was active while"
+            " measuring, but not in the new one"
+        )
+        where = f"{source}: {table.kind.prefix}"
+        expect(not missing, where, found, "the old nodes or more of them")

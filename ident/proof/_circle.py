@@ -47,10 +47,7 @@ class CircularTest:
     @property
     def spikes(self) -> tuple[float, float]:
         """Largest radial deviation in mm without and with the list."""
-        return (
-            float(np.max(np.abs(self.without))),
-            float(np.max(np.abs(self.with_list))),
-        )
+        return float(np.abs(self.without).max()), float(np.abs(self.with_list).max())
 
 
 def circular_test(

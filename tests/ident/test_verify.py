@@ -469,6 +469,13 @@ def test_a_log_that_is_exact_is_judged_like_any_other(tmp_path: Path) -> None:
     assert only(verified(exact, *lists)).verdict == ("agrees",)
 
 
+def test_what_is_added_to_an_axis_that_turns_is_told_in_degrees(tmp_path: Path) -> None:
+    log = log_of(tmp_path, {"A3.backlash": backlash()})
+    reading = Reading(Conventions(), modulo={3: (0.0, 360.0)})
+    found = verify_log([axis_list()], log, reading)
+    assert only(found).sentence.startswith("agrees within 0.0001°")
+
+
 def test_a_compensation_that_adds_nothing_is_called_so(tmp_path: Path) -> None:
     log = plain_log(tmp_path, {"A3.leadscrew": np.zeros(ROWS)}, seed=1)
     one = only(verified(log, screw_list(), axis_list()))

@@ -2,8 +2,7 @@
 
 import dataclasses
 import math
-import operator
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 from jaxtyping import Float
@@ -224,27 +223,26 @@ def settled(result: Found, signed: bool) -> tuple[dict[str, int | str], frozense
     """
     channel, best = result.channel, result.rivals[0]
     elsewhere, any_factor = best.hypothesis.change.is_shifted, best.hypothesis.is_free
-    reads: dict[str, Callable[[Hypothesis], int | str]] = {
-        name: operator.attrgetter(f"change.conventions.{name}")
-        for name in channel.relevant
-    }
+    assumed, edge = channel.conventions.to_dict(), channel.edge_rule
     sign = f"{channel.compensation}_sign"
-    if (assumed := channel.conventions.to_dict().get(sign)) is not None:
-        reads[sign] = lambda hypothesis: (
-            int(assumed) if hypothesis.scale > 0 else -int(assumed)
-        )
-    if channel.edge_rule:
-        reads[channel.edge_rule] = lambda hypothesis: (
-            hypothesis.change.edge or channel.edge(hypothesis.change.conventions)
-        )
+
+    def rule(hypothesis: Hypothesis, name: str) -> int | str:
+        conventions = hypothesis.change.conventions
+        if name == sign:
+            return int(assumed[sign]) * (1 if hypothesis.scale > 0 else -1)
+        if name == edge:
+            return hypothesis.change.edge or channel.edge(conventions)
+        value: int | str = getattr(conventions, name)
+        return value
+
     values: dict[str, int | str] = {}
     doubtful: set[str] = set()
-    for name, read in reads.items():
-        chosen = read(best.hypothesis)
+    for name in filter(assumed.__contains__, (*channel.relevant, sign, edge)):
+        chosen = rule(best.hypothesis, name)
         opposed = [
             rival.criterion
             for rival in result.rivals
-            if read(rival.hypothesis) not in (chosen, "line")
+            if rule(rival.hypothesis, name) not in (chosen, "line")
         ]
         if chosen == "line" or not opposed:
             continue

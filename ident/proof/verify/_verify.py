@@ -4,7 +4,7 @@ Also by sums alone: the position on the drive bus, or the sum of all offsets.
 """
 
 import dataclasses
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Iterable, Mapping, Sequence, Set
 
 import numpy as np
 
@@ -35,9 +35,6 @@ _PART = 0.1
 
 _SWEEPS = 4
 """Most rounds over the parts of a sum; two are the rule."""
-
-Explained = dict[tuple[int, str], Found]
-"""What explains each reported compensation, by axis and name."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -93,8 +90,8 @@ def verify_log(
                 f" ({rule} = {owner})."
             )
 
-    def explained(channels: ByAxis) -> Explained:
-        fitted_parts: Explained = {}
+    def explained(channels: ByAxis) -> dict[tuple[int, str], Found]:
+        fitted_parts = dict[tuple[int, str], Found]()
         for (axis, name), report in reports.items():
             channel = channels[axis][name]
             if not report.filtered:  # the objects know no filters
@@ -104,7 +101,7 @@ def verify_log(
         return fitted_parts
 
     searches = explained(channels)
-    clock = _clock_of(searches) if motion.cycle else 0.0
+    clock = _clock_of(searches.values()) if motion.cycle else 0.0
     if clock:
         timed = dataclasses.replace(motion, clock=clock)
         timed_channels = channels_of(lists, timed, reading)
@@ -112,7 +109,11 @@ def verify_log(
         assert motion.cycle is not None
         # The clock is one more thing to explain; it must be worth it.
         cost = FAULT + float(np.log(motion.rows))
-        if _criterion(timed_searches) + cost < _criterion(searches):
+        plain, timely = (
+            sum(fitted.rivals[0].criterion for fitted in found.values())
+            for found in (searches, timed_searches)
+        )
+        if timely + cost < plain:
             searches, channels = timed_searches, timed_channels
             direction = "later" if clock > 0 else "earlier"
             remarks.append(
@@ -134,19 +135,14 @@ def verify_log(
     return dataclasses.replace(summary, settled=fixed)
 
 
-def _criterion(searches: Explained) -> float:
-    """Return the criterion of all that was found, the smaller the better."""
-    return sum(fitted.rivals[0].criterion for fitted in searches.values())
-
-
-def _clock_of(searches: Explained) -> float:
+def _clock_of(searches: Iterable[Found]) -> float:
     """Return how many cycles later the offsets were recorded; 0 where none are broken.
 
     A controller can only be late by whole cycles. A part of one that all compensations
     share is the clock of the recording, and with it what most of them share.
     """
     found: list[tuple[float, float]] = []
-    for fitted in searches.values():
+    for fitted in searches:
         # A filter of two cycles is half a cycle late: only unfiltered ones count here.
         hypothesis = next(
             (r.hypothesis for r in fitted.rivals if r.hypothesis.change.cycles is None),
