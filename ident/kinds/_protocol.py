@@ -31,12 +31,12 @@ from ..diagnosis.probe._probe import (
     Places,
     ProbeAxis,
     Probed,
+    both_signs,
     plateau,
 )
 from ..exchange._capacity import ANY_LIST, ListTarget
-from ..exchange._identity import Increments, axis_number, flag, not_negative
+from ..exchange._identity import flag, not_negative
 from ..exchange._machine_lists import InUse, Reading
-from ..exchange._nodes import Ranges
 from ..exchange._units import LIST_UNITS, ExchangeError, ModelUnit
 from ..exchange.controller._motion import Motion
 from . import kind
@@ -131,29 +131,13 @@ class AbstractEntries(abc.ABC):
             ExchangeError: If its entries make none.
         """
 
-    def from_list(
-        self,
-        listing: ListFile,
-        conventions: Conventions,
-        increment: Increments = None,
-        *,
-        modulo: Ranges | None = None,
-    ) -> Any:
-        """Return the model that a list makes by itself, as `model`.
-
-        Args:
-            listing: Where it stands.
-            conventions: Rules of the controller.
-            increment: Worth of an encoder increment for lists with ``unit 0``.
-            modulo: Range in ° by axis; positions of masters with one are wrapped into it.
+    def from_list(self, listing: ListFile, conventions: Conventions) -> Any:
+        """Return the `model` that a list in list units makes by itself, of axes that do not turn.
 
         Raises:
             ExchangeError: If its entries make none.
         """
-        number = axis_number(listing) if modulo else 0
-        return self.model(
-            listing, number, Reading(conventions, increment, modulo or {})
-        )
+        return self.model(listing, 0, Reading(conventions))
 
     @abc.abstractmethod
     def to_list(
@@ -240,21 +224,18 @@ class AbstractEntries(abc.ABC):
         return False
 
 
-class AbstractProbe(abc.ABC):
+class AbstractProbe:
     """The step of a probe for one compensation: a plateau that cannot be overlooked.
 
+    What follows an acceleration is probed in fast motion, what follows a velocity at a slow
+    and steady one.
+
     Attributes:
-        moving: It acts only while an axis accelerates.
-        steady: It is seen while an axis moves slowly at a steady speed.
-        lengths: It adds mm or °, whose unit the step can settle.
         checks: What to look at before, in words.
         plateaus: Tenths of the travel of each master where its plateau begins and ends;
             none: it is no table. The memory that a list reserves for a table stays.
     """
 
-    moving: bool = False
-    steady: bool = False
-    lengths: bool = True
     checks: tuple[str, ...] = ()
     plateaus: tuple[tuple[int, int], ...] = ()
 
@@ -288,9 +269,9 @@ class AbstractProbe(abc.ABC):
         start = {master.name: master.at(0.0) for master in masters}
         return start, {master.name: master.at(middle) for master, middle in pairs}
 
-    @abc.abstractmethod
     def outcomes(self, probed: Probed, axis: ProbeAxis, masters: Masters) -> Outcomes:
-        """Return what may be seen, and what follows from it."""
+        """Return what may be seen, and what follows from it; of a table either sign."""
+        return both_signs(axis, f"{probed.name}_sign")
 
 
 @runtime_checkable

@@ -12,6 +12,7 @@ from axcomp.ident.exchange import (
     ExchangeError,
     ListNodes,
     ListTarget,
+    Reading,
     axis_number,
     grid_nodes,
     offset_at,
@@ -19,6 +20,7 @@ from axcomp.ident.exchange import (
     refuse_lost_nodes,
 )
 from axcomp.ident.kinds.cross.entries import (
+    ENTRIES as CROSS,
     CrossTable,
     cross_from_list,
     entries_of_cross,
@@ -230,10 +232,10 @@ def test_list_in_increments_needs_their_worth() -> None:
 
 
 def test_increments_of_master_and_slave_may_differ() -> None:
-    same = cross_from_list(parse(INCREMENTS), RULES, 0.002)
+    same = CROSS.model(parse(INCREMENTS), 3, Reading(RULES, 0.002))
     np.testing.assert_allclose(np.asarray(same.nodes.positions), [0, 2.0], rtol=1e-15)
     np.testing.assert_allclose(np.asarray(same.values), [0.01, 0.014], rtol=1e-15)
-    own = cross_from_list(parse(INCREMENTS), RULES, {1: 0.001, 3: 0.5})
+    own = CROSS.model(parse(INCREMENTS), 3, Reading(RULES, {1: 0.001, 3: 0.5}))
     np.testing.assert_allclose(np.asarray(own.nodes.positions), [0, 1.0], rtol=1e-15)
     np.testing.assert_allclose(np.asarray(own.values), [2.5, 3.5], rtol=1e-15)
 

@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 from axcomp.data.lists import ListFile, Value, new_list
-from axcomp.ident.exchange import ExchangeError, ListNodes, offset_at
+from axcomp.ident.exchange import ExchangeError, ListNodes, Reading, offset_at
 from axcomp.ident.kinds.cross.entries import (
+    ENTRIES as CROSS,
     CrossTable,
     cross_from_list,
     entries_of_cross,
 )
-from axcomp.ident.kinds.plane.entries import entries_of_plane, plane_from_list
+from axcomp.ident.kinds.plane.entries import ENTRIES as PLANE, entries_of_plane
 from axcomp.models import (
     Conventions,
     Cross,
@@ -24,6 +25,7 @@ from axcomp.models import (
 
 RULES = Conventions()
 TURN = {4: (0.0, 360.0)}
+TURNING = Reading(RULES, modulo=TURN)
 ROUNDING = 1e-15  # values below 1e-2
 
 
@@ -39,7 +41,7 @@ def cross(values: list[float], low: float = 0.0, high: float = 360.0) -> Cross:
 
 def test_cross_over_a_turning_master_is_wrapped_and_comes_back() -> None:
     model = cross([0.0, 0.004, -0.002, 0.0])
-    again = cross_from_list(back(entries_of_cross(model, (4,))), RULES, modulo=TURN)
+    again = CROSS.model(back(entries_of_cross(model, (4,))), 1, TURNING)
     # Nodes every 120°: at 420° and −300° as at 60°; at −30° three quarters up from −2.
     at = np.array([[60.0], [420.0], [-300.0], [-30.0], [360.0], [720.0]])
     expected = [0.002, 0.002, 0.002, -0.0005, 0.0, 0.0]
@@ -62,7 +64,7 @@ def test_plane_over_a_turning_master_is_wrapped_and_comes_back() -> None:
         EquidistantNodes(np.array(0.0), np.array(10.0), 2),
         values,
     )
-    again = plane_from_list(back(entries_of_plane(model, (4, 2))), RULES, modulo=TURN)
+    again = PLANE.model(back(entries_of_plane(model, (4, 2))), 1, TURNING)
     at = np.array([[90.0, 0.0], [450.0, 0.0], [-90.0, 10.0], [360.0, 5.0]])
     found = offset_at(again, at)
     np.testing.assert_allclose(found, [5e-4, 5e-4, 2.5e-3, 1e-3], rtol=0, atol=ROUNDING)

@@ -264,20 +264,16 @@ def plateau(between: tuple[int, int]) -> Float[np.ndarray, " n"]:
     return np.where((tenths >= between[0]) & (tenths <= between[1]), HEIGHT, 0.0)
 
 
-def both_signs(axis: ProbeAxis, convention: str, entry: str) -> tuple[Outcome, Outcome]:
+def both_signs(axis: ProbeAxis, convention: str) -> Outcomes:
     """Return what either sign of a table looks like, the expected one first.
 
-    Args:
-        axis: The one that moves.
-        convention: Name of the rule.
-        entry: What an entry of its table is by default, ``offset`` or ``error``.
+    The axis is the one that moves, the convention the name of the rule.
     """
     kept = f"entries are offsets: {axis.name} moves by what stands in the list"
     turned = f"entries are errors: the controller subtracts them from {axis.name}"
     plus = Outcome(f"+{axis.height_text}", kept, {convention: 1})
     minus = Outcome(f"−{axis.height_text}", turned, {convention: -1})
-    assert getattr(Conventions, convention) == (1 if entry == "offset" else -1)
-    return (plus, minus) if entry == "offset" else (minus, plus)
+    return (plus, minus) if getattr(Conventions, convention) > 0 else (minus, plus)
 
 
 def number_text(value: float) -> str:

@@ -110,15 +110,15 @@ def _step(one: Probed, axes: Mapping[int, ProbeAxis]) -> ProbeStep:
         start=start,
         end=end,
         keyword=facts.keyword,
-        moving=facts.probe.moving,
-        steady=facts.probe.steady,
+        moving="acceleration" in facts.follows,
+        steady="velocity" in facts.follows,
         checks=facts.probe.checks,
         readings=tuple(name for name in shown if name is not None),
         outcomes=(
             *facts.probe.outcomes(one, axis, masters),
             *(
                 [Outcome("ten times as much, or a tenth of it", unit)]
-                * facts.probe.lengths
+                * (not facts.adds_current)
             ),
             Outcome(
                 "nothing at all",

@@ -9,7 +9,6 @@ from ...diagnosis.probe._probe import (
     Outcomes,
     ProbeAxis,
     Probed,
-    both_signs,
     number_text,
 )
 from ...proof.verify import TableChannel
@@ -51,7 +50,7 @@ class CrossProbe(AbstractProbe):
                 f" {axis.name}"
             )
         return (
-            *both_signs(axis, "cross_sign", entry="offset"),
+            *super().outcomes(probed, axis, masters),
             Outcome(
                 observed,
                 "the list belongs to the master axis and names its slave",

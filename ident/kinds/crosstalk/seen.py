@@ -88,8 +88,6 @@ class CrosstalkChannel(AbstractChannel):
 class CrosstalkProbe(AbstractProbe):
     """A height per quadrant of acceleration and velocity."""
 
-    moving = True
-
     def probed(self, in_use: InUse) -> Probed:
         rate = optional(in_use.listing, f"{PREFIX}.acceleration")
         probed = Probed(in_use.axis, in_use.name, in_use.masters[:1])

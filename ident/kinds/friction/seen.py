@@ -50,8 +50,6 @@ class FrictionChannel(AbstractChannel):
 class FrictionProbe(AbstractProbe):
     """The currents of the loaded list, scaled down; a list without any is not probed."""
 
-    steady = True
-    lengths = False
     checks = (
         "the drive needs a torque interface, and its cyclic telegram the additive torque:"
         " SERCOS S-0-0081 (additive torque command value) and S-0-0084 (torque feedback"

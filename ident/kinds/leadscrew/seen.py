@@ -8,14 +8,7 @@ from jaxtyping import Float
 
 from ....data.lists import Value
 from ....models import Conventions, Leadscrew
-from ...diagnosis.probe._probe import (
-    FIRST,
-    Masters,
-    Outcomes,
-    ProbeAxis,
-    Probed,
-    both_signs,
-)
+from ...diagnosis.probe._probe import FIRST, ProbeAxis, Probed
 from ...proof.verify import Change, TableChannel, ways_of
 from .._protocol import AbstractProbe
 from .entries import PREFIX
@@ -66,9 +59,6 @@ class LeadscrewProbe(AbstractProbe):
         entries = super().entries(probed, axes, conventions)
         # The input without other offsets: the plateau stays where it is (S-23).
         return {**entries, f"{PREFIX}.set_pos_without_comp": 1}
-
-    def outcomes(self, probed: Probed, axis: ProbeAxis, masters: Masters) -> Outcomes:
-        return both_signs(axis, "leadscrew_sign", entry="error")
 
 
 CHANNEL, PROBE = LeadscrewChannel, LeadscrewProbe()

@@ -13,7 +13,6 @@ from ...diagnosis.probe._probe import (
     Outcomes,
     ProbeAxis,
     Probed,
-    both_signs,
     number_text,
 )
 from ...proof.verify import Change, TableChannel
@@ -50,7 +49,7 @@ class PlaneProbe(AbstractProbe):
             f" {number_text(second.at(0.5 * sum(FIRST)))}"
         )
         return (
-            *both_signs(axis, "plane_sign", entry="offset"),
+            *super().outcomes(probed, axis, masters),
             Outcome(
                 f"nothing there, but {axis.height_text} with {swapped}",
                 "the first index of the table counts along master 1",
