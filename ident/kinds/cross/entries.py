@@ -32,16 +32,6 @@ DEFAULT_COUNT = 1000
 """Entries without ``max_points``: one manual has 1001, two have 1000 (S-13)."""
 
 
-def _axes(listing: ListFile, conventions: Conventions) -> tuple[int, int]:
-    """Return the axis that a cross table acts on, and its master.
-
-    The list is that of the first one, and names the second; or, by the older manuals,
-    the other way round (S-10).
-    """
-    number, partner = axis_number(listing), required(listing, f"{PREFIX}.master_ax_nr")
-    return (number, partner) if conventions.cross_list == "slave" else (partner, number)
-
-
 @final
 @dataclasses.dataclass(frozen=True)
 class CrossTable(AbstractTable):
@@ -86,14 +76,17 @@ class CrossEntries(AbstractEntries):
     def axes(
         self, listing: ListFile, number: int, conventions: Conventions
     ) -> tuple[int, Axes]:
-        axis, master = _axes(listing, conventions)
-        return axis, (master,)
+        # The list is that of the compensated axis, and names its master; or, by the older
+        # manuals, the other way round (S-10).
+        (partner,) = self.named_masters(listing)
+        by_slave = conventions.cross_list == "slave"
+        return (number, (partner,)) if by_slave else (partner, (number,))
 
     def model(self, listing: ListFile, axis: int, reading: Reading) -> Cross:
         conventions, increment = reading.conventions, reading.increment
         count = required(listing, f"{PREFIX}.last_index") + 1
         refuse_huge(count, f"{listing.source}: {PREFIX}.last_index")
-        slave, master = _axes(listing, conventions)
+        slave, (master,) = self.axes(listing, axis_number(listing), conventions)
         by_master = unit_size(listing, PREFIX, master, increment)
         by_slave = unit_size(listing, PREFIX, slave, increment)
         points = scaled(column(listing, PREFIX, "setpoint", count), by_master)

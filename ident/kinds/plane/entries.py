@@ -18,9 +18,9 @@ from ...exchange._identity import (
     values_of,
 )
 from ...exchange._machine_lists import Reading
-from ...exchange._nodes import ListNodes, as_array, nodes_of_model, refuse_jump, wrapped
-from ...exchange._table import AbstractTable
-from ...exchange._units import ExchangeError, expect, from_list_units, round_to_list
+from ...exchange._nodes import as_array, refuse_jump, wrapped
+from ...exchange._table import AbstractTable, nodes_in
+from ...exchange._units import expect, from_list_units, round_to_list
 from .._protocol import AbstractEntries, Axes
 from . import KIND
 
@@ -106,14 +106,10 @@ class PlaneEntries(AbstractEntries):
         self, model: Plane, masters: Axes = (), target: ListTarget = ANY_LIST
     ) -> dict[str, int | str]:
         first, second = self.exactly(masters, 2)
-        grids: list[ListNodes] = []
-        for k, nodes in ((1, model.nodes1), (2, model.nodes2)):
-            name = f"{PREFIX} master {k}"
-            grid = nodes_of_model(nodes, name)
-            if not grid.interval:
-                raise ExchangeError(name, "single setpoints", "equidistant nodes")
-            grids.append(grid)
-        g1, g2 = grids
+        g1, g2 = grids = nodes_in(model, PREFIX)
+        for k, grid in enumerate(grids, 1):
+            name, expected = f"{PREFIX} master {k}", "equidistant nodes"
+            expect(grid.interval, name, "single setpoints", expected)
         existing = target.existing
         form = None if existing is None else existing.text(f"{PREFIX}.grid")
         entries: dict[str, int | str] = {f"{PREFIX}.unit": 1}
