@@ -99,11 +99,7 @@ def change_along(width: float, sides: Sides) -> Dependence | None:
 
 
 def drift_remark(
-    width: float,
-    share: "Share",
-    wild: Bool[np.ndarray, " t"],
-    nodes: Float[np.ndarray, " n"],
-    unit: str,
+    share: "Share", nodes: Float[np.ndarray, " n"], unit: str
 ) -> Iterator[Remark]:
     """Yield that the readings drift, where a straight line in time changes the width.
 
@@ -111,14 +107,12 @@ def drift_remark(
     own, and what is left as noise, holds the line.
 
     Args:
-        width: As it was fitted, in mm or °.
         share: Its part of the fit.
-        wild: Readings that do not count.
         nodes: Of the error that both directions share.
         unit: Of a thousandth of the width.
     """
-    data, axis = share.recording.data, share.axis
-    rows = np.flatnonzero(share.rows)[~wild]
+    data, axis, width = share.recording.data, share.axis, float(share.part.values[0])
+    rows = np.flatnonzero(share.rows)[~share.wild]
     rows = rows[np.isfinite(data.position[axis][rows])]
     place, way = data.position[axis][rows], data.direction[axis][rows]
     span = data.order[rows] - data.order[rows].mean()

@@ -1,6 +1,6 @@
 """Backlash compensation: its entries in an axis list ↔ `Backlash`."""
 
-from typing import Literal, final
+from typing import final
 
 import numpy as np
 
@@ -44,11 +44,10 @@ class BacklashEntries(AbstractEntries):
         expect(selection in (0, 1, 2), name, selection, "0, 1 or 2")
         if selection == 0:
             return None
-        reference: Literal[1, -1] = reading.conventions.backlash_reference
-        opposite: Literal[1, -1] = -1 if reference == 1 else 1
+        reference = reading.conventions.backlash_reference
         return Backlash(
             width=as_array(optional(listing, WIDTH) / LIST_UNITS),
-            reference=reference if selection == 1 else opposite,
+            reference=reference if selection == 1 else -reference,
             cycles=not_negative(listing, REVERSAL_CYCLES),
         )
 

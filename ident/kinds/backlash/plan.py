@@ -1,7 +1,6 @@
 """A planned backlash, fitted alone or in a group: judged, written into the axis list, read back."""
 
 import dataclasses
-import math
 from typing import TYPE_CHECKING, final
 
 import jax.numpy as jnp
@@ -166,8 +165,8 @@ class BacklashDraft(AbstractDraft):
         return abs(self.width)
 
     def machine_entries(self, cycles: int | None) -> dict[str, Value]:
-        reference = 1 if self.plan.reference > 0 else -1
-        model = models.Backlash(jnp.asarray(self.width), reference, cycles or 0)
+        width = jnp.asarray(self.width)
+        model = models.Backlash(width, self.plan.reference, cycles or 0)
         return dict(entries_of_backlash(model, target=self.target))
 
     @property
@@ -202,11 +201,9 @@ class BacklashDraft(AbstractDraft):
         draft = plan.fit_single(tables, {})
         assert isinstance(draft, BacklashDraft)  # its own
         sides, width = sides_of(draft.share), float(self.share.part.values[0])
-        trend, moved_by = None, self._moved(draft)
-        unknown = moved_by is None or math.isnan(moved_by)
-        unsettled = unknown and FLANK not in self.job.verified
-        moved = 0.0 if moved_by is None or unknown else moved_by
-        if abs(moved) > 0.5 * abs(width):
+        error, trend, moved = sides.before, None, self._moved(draft)
+        unsettled = moved is None and FLANK not in self.job.verified
+        if moved is not None and abs(moved) > 0.5 * abs(width):
             # Nearer to what the other flank as the right one does.
             words = (
                 f"a constant of {self.small(moved, '+.3g')} of both directions: as if it were"
@@ -214,17 +211,17 @@ class BacklashDraft(AbstractDraft):
                 " (anwahl_losekomp)"
             )
             rest = float(np.sqrt(np.mean(sides.before[~sides.wild] ** 2)))
-            trend = LeftTrend(words, rest, owned=True, fault=True)
+            error, trend = error + moved, LeftTrend(words, rest, owned=True, fault=True)
         return SecondMeasurement(
             ", ".join(fit.sources),
             sides.position[:, None],
-            sides.before + (moved if trend else 0.0),
+            error,
             sides.direction,
             wild=sides.wild,
             added=0.5 * abs(width),
             unseen={"zero": FLANK} if unsettled else {},
             trend=trend,
-            zero=not unknown and trend is None,
+            zero=moved is not None and trend is None,
         )
 
     def _moved(self, again: "BacklashDraft") -> float | None:
@@ -232,7 +229,7 @@ class BacklashDraft(AbstractDraft):
 
         It moves by half of the width, to the side that is right. None where readings do not tell
         where the axis lies. Beside other lists of the axis that act as they say nothing is left,
-        or the width alone; NaN where more than a constant is left, which theirs have to tell.
+        or the width alone; where more is, theirs have to tell.
         """
         drafts = (self, again)
         specs = [
@@ -246,7 +243,7 @@ class BacklashDraft(AbstractDraft):
             # The other flank puts both directions there.
             flank = min(abs(after), abs(after - self.plan.reference * width))
             sure = max(flank, again.uneven) < _FLANK_ALONE * abs(width)
-            return after if sure else math.nan
+            return after if sure else None
         if not owned or len(acting) > 1:
             return None
         return after - (before - 0.5 * self.plan.reference * width)
@@ -300,10 +297,7 @@ class BacklashDraft(AbstractDraft):
         )
         fit_remarks = remarks_of(result, self.plan.old is not None, self.plan.active)
         nodes = self.plan.nodes_beside(share.recording.data)
-        unit = self.job.spec.axes[self.axis].small_unit
-        drifts = drift_remark(
-            float(share.part.values[0]), share, sides.wild, nodes, unit
-        )
+        drifts = drift_remark(share, nodes, self.job.spec.axes[self.axis].small_unit)
         remarks = (*share.remarks(), *fit_remarks, *drifts)
         return dataclasses.replace(result, remarks=remarks)
 
