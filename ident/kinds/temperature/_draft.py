@@ -12,6 +12,7 @@ from jaxtyping import Bool, Float
 from ....data.lists import ListFile, Value
 from ....models import TemperatureLine
 from ...core import FitError, regress
+from ...fit.joint import Leadscrew
 from ...job._draft import AbstractDraft, Foreseen
 from ...job._gating import spread_over
 from ...job.result._result import Remark, staged
@@ -228,23 +229,14 @@ class TemperatureDraft(AbstractDraft):
 
         Where a table is fitted as well, it holds that.
         """
-        fit, place = self.found, self.found.position
-        fits = [each for each in self.job.spec.fits if each.axis == self.axis]
-        if place is None or len(fits) > 1:
-            return 0.0
-        data = self.share.recording.data
-        error, along = data.error[self.axis][self.share.rows], place - place.mean()
-        predicted = fit.predict(fit.structure, place)
-        if (run := data.run_of(self.axis)) is not None:
-            run = run[self.share.rows]
-            error, predicted, along = (
-                about_runs(each, run) for each in (error, predicted, along)
-            )
-        columns = np.stack([along, predicted, np.ones(len(error))], axis=1)
-        with contextlib.suppress(FitError):
-            found = regress(columns, error)
-            if abs(found.coefficients[0]) > _SURE * found.standard_deviation[0]:
-                return float(found.coefficients[0])
+        alone = [fit.axis for fit in self.job.spec.fits].count(self.axis) == 1
+        for part in self.share.group.helpers if alone else ():
+            screw = part.effect
+            if isinstance(screw, Leadscrew) and screw.axis == self.axis:
+                ends = np.array([-1.0, 1.0]) / np.ptp(screw.nodes)
+                slope, variance = ends @ part.values, ends @ part.covariance @ ends
+                if abs(slope) > _SURE * np.sqrt(variance):
+                    return float(slope)
         return 0.0
 
     def _unseen(

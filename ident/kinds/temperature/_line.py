@@ -200,11 +200,6 @@ class TemperatureFit:
         """$s_0$ in mm."""
         return float(self.line.reference)
 
-    @property
-    def intersects(self) -> bool:
-        """Whether the lines of all temperatures meet at the reference."""
-        return self.meeting == "met"
-
     def predict(
         self,
         temperature: Float[np.ndarray, "t s"],

@@ -37,17 +37,15 @@ def read_thermal(
     """
     group = read_group(plan.tables, [plan])
     data, rows, remarks = group.data, np.arange(len(group.data)), [*group.remarks]
-    time, words = data.time, ""
-    if time is None:
-        words = "The rows have no time"
-    elif data.clock_number is not None:
-        words = "The clocks of the measurements do not follow each other"
-    if words:
-        words += (
-            ": rows are taken in their order, and a lag behind the sensor cannot be"
+    time = None
+    if data.time is not None and data.clock_number is None:
+        time = data.time - np.nanmin(data.time)
+    else:
+        words = (
+            "The rows have no time in common: they are taken in their order, and a lag behind the"
+            " sensor cannot be seen."
         )
-        remarks.append(Remark.info(f"{words} seen."))
-    time = None if time is None or words else time - np.nanmin(time)
+        remarks.append(Remark.info(words))
     data = dataclasses.replace(data, time=time)
     if (plateau := plan.fit.steady) is not None:
         name = sensor_name(plateau.sensor)

@@ -117,16 +117,13 @@ class TemperatureResult(AbstractResult):
     def details(self) -> dict[str, Any]:
         """Return parameters, deviations and support for result.json."""
         fit, law = self.fit, self.law
-        table = spread = None
-        if law is not None:
-            table, spread = law.columns, law.deviations
         slope, slope_deviation = fit.offset.slope
         return {
             "parameters": {
                 "position_0": self.reference,
                 "temperature_0": self.zero,
-                "table": table,
-                "intersects": fit.intersects,
+                "table": None if law is None else law.columns,
+                "intersects": fit.meeting == "met",
                 "meeting": fit.meeting,
                 "n_cycles": self.cycles,
                 "rate": RATE,
@@ -139,7 +136,7 @@ class TemperatureResult(AbstractResult):
                 ],
             },
             "standard_deviations": {
-                "table": spread,
+                "table": None if law is None else law.deviations,
                 "position_0": fit.reference_deviation,
                 "offset_per_kelvin": slope_deviation,
             },
@@ -215,7 +212,7 @@ def _meeting_words(fit: TemperatureFit) -> str:
     """Return whether the lines of all temperatures meet, and where the reference is."""
     deviation = fit.reference_deviation or 0.0
     words = _MEETINGS[fit.meeting].format(at=fit.reference, sure=deviation)
-    if not fit.intersects:
+    if fit.meeting != "met":
         words += f": the reference is {fit.reference:.4g} mm"
     return f"{words}.".replace("-", "−")
 
@@ -293,19 +290,14 @@ def _undetermined(draft: "TemperatureDraft") -> Iterator[Remark]:
     if not draft.confounded:
         yield from _or_drift(fit)
     if fit.independent < _FEW and fit.noise.drift > 0:
-        clock, over = fit.data.time, "all the measurement"
-        if clock is None or fit.noise.time_constant < np.nanmax(clock) - np.nanmin(
-            clock
-        ):
-            over = f"{fit.noise.time_constant / 60:.3g} minutes"
         advice = ""
-        if clock is not None and draft.fit.group is None:
+        if fit.data.time is not None and draft.fit.group is None:
             advice = (
                 " Where the instrument may be what drifts, state drift = 6 of the measurement and"
                 " a group of this fit: lag and law are then found beside it."
             )
         yield Remark.warning(
-            f"The residuals drift over {over}: the {len(fit.error)} readings tell no more than"
+            f"The residuals drift: the {len(fit.error)} readings tell no more than"
             f" {max(fit.independent, 1):.0f} independent ones would.{advice}"
         )
 

@@ -184,7 +184,7 @@ def _errors_caption(fit: TemperatureResult, scale: Scale) -> str:
     words += (
         f" A line is the law in their middle; its slope changes by {slope} µm/m per K"
     )
-    if fit.fit.intersects:
+    if fit.fit.meeting == "met":
         words += f", and the lines meet at {place(round(fit.reference, 1))} mm"
     return f"{words}."
 
