@@ -37,7 +37,7 @@ from ..diagnosis.probe._probe import (
 from ..exchange._capacity import ANY_LIST, ListTarget
 from ..exchange._identity import flag, not_negative
 from ..exchange._machine_lists import InUse, Reading
-from ..exchange._units import LIST_UNITS, ExchangeError, ModelUnit
+from ..exchange._units import LIST_UNITS, ExchangeError, ModelUnit, expect
 from ..exchange.controller._motion import Motion
 from . import kind
 from ._kind import Kind
@@ -165,12 +165,9 @@ class AbstractEntries(abc.ABC):
         Raises:
             ExchangeError: If there are more or fewer.
         """
-        if len(masters) != count:
-            raise ExchangeError(
-                where=f"masters of {self.kind.name}",
-                found=f"{len(masters)} axis numbers",
-                expected=f"{count}: masters={{'{self.kind.name}': (…)}}",
-            )
+        name, words = self.kind.name, f"{len(masters)} axis numbers"
+        expected = f"{count}: masters={{'{name}': (…)}}"
+        expect(len(masters) == count, f"masters of {name}", words, expected)
         return masters
 
     def in_list_units(self, model: Any, unit: ModelUnit | None) -> Any:

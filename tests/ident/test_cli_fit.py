@@ -252,7 +252,7 @@ def test_defaults_leave_a_real_run_table_inside_its_standard_error(
 def test_a_job_loads_no_compensation_and_no_library_before_it_needs_them() -> None:
     code = (
         "import sys, axcomp.ident.job; print(*{'scipy.stats', 'scipy.signal',"
-        " 'scipy.interpolate', 'axcomp.ident.kinds.temperature._choice',"
+        " 'scipy.interpolate', 'axcomp.ident.kinds.temperature._alone',"
         " 'axcomp.ident.kinds.temperature.plan'} & set(sys.modules))"
     )
     run = subprocess.run(

@@ -1,9 +1,8 @@
 """Temperature: a line over the position that follows a sensor.
 
-Read in this order: `plan` (alone and with other compensations), with `_recording` (the readings
-of a line alone) and `_choice` (its law and lag), `_line` (what comes out), `_law` (table and
-program for the PLC), `_draft` and `_result`. The other modules are the parts that every
-compensation has.
+Read in this order: `plan` (alone and with other compensations), with `_alone` (readings, law and
+lag of a line alone), `_line` (what comes out), `_law` (table and program for the PLC), `_draft`
+and `_result`. The other modules are the parts that every compensation has.
 """
 
 from .._kind import Kind

@@ -22,9 +22,9 @@ from ...proof.axis import check_switching
 from ...readings import Tables
 from .._keys import FitSpec
 from . import KIND
+from ._alone import FEWEST, about_runs, read_thermal
 from ._law import RATE, ThermalLaw, plc_objects, rates, structured_text, thermal_law
 from ._line import TemperatureFit
-from ._recording import FEWEST, about_runs, read_thermal
 from ._result import TemperatureResult, asks_for_none, remarks_of
 from .entries import (
     Table,

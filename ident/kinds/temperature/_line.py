@@ -201,15 +201,12 @@ class TemperatureFit:
         return float(self.line.reference)
 
     def predict(
-        self,
-        temperature: Float[np.ndarray, "t s"],
-        position: Float[np.ndarray, " t"] | None,
+        self, temperature: Float[np.ndarray, "t s"], position: Float[np.ndarray, " t"]
     ) -> Float[np.ndarray, " t"]:
         """Return the error in mm at structure temperatures in °C and positions in mm."""
         warm = dict(zip(self.sensors, temperature.T, strict=True))
-        places = np.zeros(len(temperature)) if position is None else position
         inputs = [warm[law.sensor] for law in self.laws.values()]
-        return np.asarray(self.line.rows([*inputs, places])[1] @ self.values)
+        return np.asarray(self.line.rows([*inputs, position])[1] @ self.values)
 
 
 def bent_to_meet(line: Temperature) -> Temperature:

@@ -21,6 +21,7 @@ from ...exchange.controller._motion import Motion
 from .._protocol import AbstractEntries, Axes
 from . import KIND
 
+PREFIX = KIND.prefix
 COLUMNS = ("temperature", "offset_0", "coefficient")
 """Of the table of a PLC: in °C, mm and µm/m."""
 SENSORS = ("offset_0_sensor", "coefficient_sensor")
@@ -106,7 +107,7 @@ def temperature_line(
         machine: Axis list with the reference position and the filter; None: 0 and none.
     """
     place, cycles = (
-        0 if machine is None else optional(machine, f"{KIND.prefix}_{name}")
+        0 if machine is None else optional(machine, f"{PREFIX}_{name}")
         for name in ("position_0", "n_cycles")
     )
     warmth, offset, slope = (table[name] for name in COLUMNS)
@@ -123,7 +124,7 @@ def held_in(listing: ListFile) -> list[str]:
     """Return the names of the entries by which an axis list itself holds a line."""
     return [
         name
-        for name in (f"{KIND.prefix}_offset_0", f"{KIND.prefix}_coefficient")
+        for name in (f"{PREFIX}_offset_0", f"{PREFIX}_coefficient")
         if (entry := listing.get(name)) is not None and entry.value.strip("+-0.")
     ]
 
@@ -134,7 +135,7 @@ class TemperatureEntries(AbstractEntries):
 
     kind = KIND
     models = (TemperatureLine,)
-    value = f"{KIND.prefix}_offset_0"
+    value = f"{PREFIX}_offset_0"
     units = ("mm",)
     coupled = False
 
@@ -147,7 +148,7 @@ class TemperatureEntries(AbstractEntries):
     ) -> TemperatureLine | None:
         expect(
             axis not in reading.modulo,
-            f"{listing.source}: {KIND.prefix}_coefficient",
+            f"{listing.source}: {PREFIX}_coefficient",
             f"temperature compensation of the rotary axis {axis}",
             "a linear axis: the manuals give no unit for a rotary one",
         )
@@ -156,14 +157,14 @@ class TemperatureEntries(AbstractEntries):
         if not flag(listing, KIND.activation):
             return None
         place, shift = (
-            optional(listing, f"{KIND.prefix}_{name}") / LIST_UNITS
+            optional(listing, f"{PREFIX}_{name}") / LIST_UNITS
             for name in ("position_0", "offset_0")
         )
         return TemperatureLine(
             position_0=place,
             offset_0=shift,
-            coefficient=_PER_METRE * real(listing, f"{KIND.prefix}_coefficient"),
-            cycles=not_negative(listing, f"{KIND.prefix}_n_cycles"),
+            coefficient=_PER_METRE * real(listing, f"{PREFIX}_coefficient"),
+            cycles=not_negative(listing, f"{PREFIX}_n_cycles"),
             sign=float(reading.conventions.temperature_sign),
         )
 
@@ -187,28 +188,23 @@ class TemperatureEntries(AbstractEntries):
     ) -> dict[str, int | float | str]:
         values = {}
         for name in ("position_0", "offset_0", "coefficient"):
-            parameter = getattr(model, name)
-            if not isinstance(parameter, ConstantParameter):
-                raise ExchangeError(
-                    where=f"{KIND.prefix}_{name}",
-                    found="a curve over the temperature",
-                    expected="one number (the PLC writes TEMPC::* for the rest)",
-                )
+            parameter, words = getattr(model, name), "a curve over the temperature"
+            expected = "one number (the PLC writes TEMPC::* for the rest)"
+            constant = isinstance(parameter, ConstantParameter)
+            expect(constant, f"{PREFIX}_{name}", words, expected)
             values[name] = float(parameter.value)
-        refuse_many(model.cycles, f"{KIND.prefix}_n_cycles")
+        refuse_many(model.cycles, f"{PREFIX}_n_cycles")
         coefficient = values.pop("coefficient") / _PER_METRE
         words = f"{coefficient:.6g} µm/m"
-        name = f"{KIND.prefix}_coefficient"
+        name = f"{PREFIX}_coefficient"
         expect(abs(coefficient) <= 10_000, name, words, "-10000 to 10000")
         entries: dict[str, int | float | str] = {KIND.activation: 1}
         for name, value in values.items():
-            bounds = (SGN32[0] + 1, SGN32[1])
-            entries[f"{KIND.prefix}_{name}"] = int(
-                round_to_list(np.asarray(value), f"{KIND.prefix}_{name}", bounds)
-            )
+            entry, bounds = f"{PREFIX}_{name}", (SGN32[0] + 1, SGN32[1])
+            entries[entry] = int(round_to_list(np.asarray(value), entry, bounds))
         # 1e-6 µm/m: over 10 m that is 10 fm. What stands behind it is floating point noise.
-        entries[f"{KIND.prefix}_coefficient"] = round(coefficient, 6)
-        entries[f"{KIND.prefix}_n_cycles"] = model.cycles
+        entries[f"{PREFIX}_coefficient"] = round(coefficient, 6)
+        entries[f"{PREFIX}_n_cycles"] = model.cycles
         return entries
 
 

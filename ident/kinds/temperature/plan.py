@@ -17,10 +17,9 @@ from ...job.table._plan import refuse_unstated
 from ...job.table._readings import datum_of
 from ...readings import Tables, sensor_name
 from . import KIND
-from ._choice import choose_line, place_nodes
+from ._alone import choose_line, complete_rows, only_these, place_nodes, read_thermal
 from ._draft import TemperatureDraft
 from ._line import Lag, TemperatureFit, about_meeting, bent_to_meet
-from ._recording import complete_rows, only_these, read_thermal
 from .keys import Spec
 
 if TYPE_CHECKING:

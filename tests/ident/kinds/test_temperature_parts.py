@@ -11,7 +11,8 @@ import pytest
 from axcomp.ident._recording import lagged
 from axcomp.ident.fit import FitError
 from axcomp.ident.fit.joint import JointData
-from axcomp.ident.kinds.temperature._recording import steady
+from axcomp.ident.kinds.temperature._alone import steady
+from axcomp.ident.kinds.temperature.keys import Plateau
 from axcomp.ident.readings._clocks import find_offset
 
 from ..thermal_line import fitted, readings
@@ -100,7 +101,7 @@ def test_the_plateau_of_a_heater_is_its_longest_steady_stretch() -> None:
     value = np.where(time < 30, 20 + 2.5 * time, 95.0)
     value[50] = 120.0  # a glitch does not end it
     value[90:] = 60.0
-    inside = steady(time, value, 3.0)
+    inside = steady(time, value, Plateau(sensor="bed", within=3.0))
     assert np.flatnonzero(inside).tolist() == [
         row for row in range(29, 90) if row != 50
     ]
@@ -108,7 +109,7 @@ def test_the_plateau_of_a_heater_is_its_longest_steady_stretch() -> None:
 
 def test_a_signal_without_a_plateau_is_refused() -> None:
     with pytest.raises(FitError, match="expected a steady stretch"):
-        steady(np.arange(5.0), np.full(5, np.nan), 1.0)
+        steady(np.arange(5.0), np.full(5, np.nan), Plateau(sensor="bed", within=1.0))
 
 
 def temperatures(time: np.ndarray) -> np.ndarray:
@@ -203,7 +204,7 @@ def real_log(name: str) -> dict[str, np.ndarray]:
 
 def test_the_plateau_of_a_real_printer_gives_its_slope_and_its_missed_steps() -> None:
     log = real_log("voronV2_2021-06-05_1324.csv")
-    plateau = steady(log["time"], log["bed_t"], 1.5)
+    plateau = steady(log["time"], log["bed_t"], Plateau(sensor="bed", within=1.5))
     error = STEP * log["mcu_pos_z"]
     fit = fitted(
         readings(error, log["frame_t"], time=log["time"]).take(plateau),
