@@ -36,19 +36,12 @@ class CrossProbe(AbstractProbe):
 
     def outcomes(self, probed: Probed, axis: ProbeAxis, masters: Masters) -> Outcomes:
         (master,) = masters
-        bounds = [master.at(float(tenths)) for tenths in SECOND]
-        span = f"{number_text(bounds[0])} to {number_text(bounds[1])}"
-        if axis.at(0.0) <= bounds[0] and bounds[1] <= axis.at(10.0):
-            observed = (
-                f"nothing on {axis.name}, but {master.name} moves by {axis.height_text} when"
-                f" {axis.name} stands at {span}"
-            )
-        else:
-            observed = (
-                f"nothing on {axis.name}, which does not reach {span}, and a list of"
-                f" {master.name} with the number of {axis.name} as its master acts on"
-                f" {axis.name}"
-            )
+        low, high = (number_text(master.at(float(tenths))) for tenths in SECOND)
+        observed = (
+            f"nothing on {axis.name}, but {master.name} moves by {axis.height_text} when"
+            f" {axis.name} stands at {low} to {high} (where it does not reach that: a list of"
+            f" {master.name} with the number of {axis.name} as its master acts on {axis.name})"
+        )
         return (
             *super().outcomes(probed, axis, masters),
             Outcome(

@@ -21,12 +21,12 @@ from ...proof import GateCheck
 from ...proof.axis import check_switching
 from ...readings import Tables
 from .._keys import FitSpec
-from . import KIND
 from ._alone import FEWEST, about_runs, read_thermal
 from ._law import RATE, ThermalLaw, plc_objects, rates, structured_text, thermal_law
 from ._line import TemperatureFit
 from ._result import TemperatureResult, asks_for_none, remarks_of
 from .entries import (
+    PREFIX,
     Table,
     entries_of_temperature,
     held_in,
@@ -40,7 +40,6 @@ if TYPE_CHECKING:
     from ...job.write._lists import AxisFiles
     from .plan import TemperaturePlan
 
-_LINE = KIND.prefix
 _SHOWS = 0.1
 """Scatter of a reading that a line must add to show how many times it acts."""
 _SURE = 5.0
@@ -140,7 +139,7 @@ class TemperatureDraft(AbstractDraft):
         steepest = f"at {law.temperature[steep]:.4g} °C"
         speed = 1e-6 * slope * limits.feed / 60.0
         follows = "while the PLC follows the temperature"
-        entry = f"{_LINE}_n_cycles"
+        entry = f"{PREFIX}_n_cycles"
         switched = (
             "COMP ON/OFF, homing, reload or loss of power, while warm and standing"
         )
@@ -342,7 +341,7 @@ class TemperatureDraft(AbstractDraft):
         """P-AXIS-00275: as given, or what switching off while warm wants."""
         if self.fit.n_cycles is not None:
             return self.fit.n_cycles
-        machine, entry = self.lists.machine, f"{_LINE}_n_cycles"
+        machine, entry = self.lists.machine, f"{PREFIX}_n_cycles"
         return spread_over(self.job, self.jump, machine, entry, switched=True)
 
     @property

@@ -19,7 +19,7 @@ from ...exchange._units import LIST_UNITS
 from ...proof.verify import AbstractChannel, Change, LogRows, Parts
 from .._protocol import AbstractProbe
 from . import KIND
-from .entries import temperature_from_list
+from .entries import PREFIX, temperature_from_list
 
 
 @final
@@ -60,7 +60,7 @@ class TemperatureProbe(AbstractProbe):
             "coefficient": _slope(axis),
             "n_cycles": 10,
         }
-        entries = {f"{KIND.prefix}_{name}": value for name, value in line.items()}
+        entries = {f"{PREFIX}_{name}": value for name, value in line.items()}
         return {KIND.activation: 1, **entries}
 
     def outcomes(self, probed: Probed, axis: ProbeAxis, masters: Masters) -> Outcomes:
