@@ -171,7 +171,9 @@ def test_table_reproduces_the_fit_to_half_a_unit(
         away = place - found.reference
         offset = np.interp(warm, table["temperature"], table["offset_0"])
         slope = np.interp(warm, table["temperature"], table["coefficient"])
-        fit = found.fit.predict(warm[:, None], np.full(50, place))
+        fit = found.fit.predict(
+            dict.fromkeys(found.fit.sensors, warm), np.full(50, place)
+        )
         # Half of 0.1 µm.
         np.testing.assert_allclose(offset + 1e-6 * slope * away, -fit, atol=0.5e-4)
 

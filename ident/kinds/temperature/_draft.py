@@ -23,7 +23,7 @@ from ...readings import Tables
 from .._keys import FitSpec
 from ._alone import FEWEST, about_runs, read_thermal
 from ._law import RATE, ThermalLaw, plc_objects, rates, structured_text, thermal_law
-from ._line import TemperatureFit
+from ._line import TemperatureFit, Warmth
 from ._result import TemperatureResult, asks_for_none, remarks_of
 from .entries import (
     PREFIX,
@@ -160,8 +160,8 @@ class TemperatureDraft(AbstractDraft):
         return {lag.sensor: lag.time_constant for lag in self.found.lags}
 
     @property
-    def warmth(self) -> Mapping[str, Float[np.ndarray, " t"]]:
-        return dict(zip(self.found.sensors, self.found.structure.T, strict=True))
+    def warmth(self) -> Warmth:
+        return self.found.structure
 
     def line(self, machine: ListFile | None) -> TemperatureLine | None:
         return self._line_of(self._law.columns, machine)
@@ -174,12 +174,12 @@ class TemperatureDraft(AbstractDraft):
         recording, rows = read_thermal(plan)
         data, line = recording.data, self.found.line
         readings = data.take(rows)
-        warm = [line.structure(data, sensor)[rows] for sensor in self.found.sensors]
+        warm = {k: line.structure(data, k)[rows] for k in self.found.sensors}
         place = readings.position.get(self.axis, np.zeros(len(rows)))
-        predicted = self.found.predict(np.stack(warm, axis=1), place)
+        predicted = self.found.predict(warm, place)
         finite = np.isfinite(readings.error[self.axis]) & np.isfinite(predicted)
         error, predicted = readings.error[self.axis][finite], predicted[finite]
-        place, warmth = place[finite], np.stack(warm, axis=1)[finite]
+        place, warm = place[finite], {k: each[finite] for k, each in warm.items()}
         # What the first fit left beside its law, as the slope of a screw, is left here as well.
         error = error - self._still * (place - place.mean())
         if (run := readings.run_of(self.axis)) is not None:
@@ -187,7 +187,7 @@ class TemperatureDraft(AbstractDraft):
             error, predicted = (
                 about_runs(each, run[finite]) for each in (error, predicted)
             )
-        within = self._within(warmth)
+        within = self._within(warm)
         # The zero is where the line takes nothing off, as in the first measurement: the
         # middle of the readings is another one, where the line is not what it should be.
         zero, factor, near = float(np.median(error)), None, ""
@@ -201,11 +201,11 @@ class TemperatureDraft(AbstractDraft):
                 factor = 1.0 - remaining, float(fitted.standard_deviation[1])
         if counts:
             some = np.flatnonzero(within)[:: -(-int(within.sum()) // _JUDGED)]
-            at, left = warmth[some].round(1), (error - zero)[some]
-            clock = readings.order[finite][some]
+            at = [each[some].round(1) for each in warm.values()]
+            left, clock = (error - zero)[some], readings.order[finite][some]
             # Neighbours in time at all places that the axis ran through, or at one of them.
             for names, places in (((), ()), ((self.axis,), (place[some],))):
-                columns = np.column_stack([at, *places, clock])
+                columns = np.column_stack([*at, *places, clock])
                 words = (*self.found.sensors, *names)
                 near = near or near_of(
                     words, columns, left, None, scatter, sloped=False
@@ -216,7 +216,7 @@ class TemperatureDraft(AbstractDraft):
             error - zero,
             added=float(np.std(predicted)),
             adds=-predicted,
-            unseen=self._unseen(place, warmth),
+            unseen=self._unseen(place, warm),
             factor=factor,
             near=near,
             beyond=self._beyond(within),
@@ -238,9 +238,7 @@ class TemperatureDraft(AbstractDraft):
                     return float(slope)
         return 0.0
 
-    def _unseen(
-        self, place: Float[np.ndarray, " t"], warmth: Float[np.ndarray, "t s"]
-    ) -> dict[str, Any]:
+    def _unseen(self, place: Float[np.ndarray, " t"], warm: Warmth) -> dict[str, Any]:
         """Return which part of the travel and of the temperatures readings saw, if not all."""
         unseen, first = dict[str, Any](), self.found.position
         law = self.found.laws.get("coefficient")
@@ -249,8 +247,7 @@ class TemperatureDraft(AbstractDraft):
             part = part_of((self.axis,), first[:, None], place[:, None])
             unseen |= zip(("axis", "low", "high"), part or (), strict=part is not None)
         for name, ends in self._ends.items():
-            warm = warmth[:, [self.found.sensors.index(name)]]
-            if part := part_of((name,), np.array(ends)[:, None], warm):
+            if part := part_of((name,), np.array(ends)[:, None], warm[name][:, None]):
                 unseen["warmth"] = [*part]
         return unseen
 
@@ -260,12 +257,12 @@ class TemperatureDraft(AbstractDraft):
         laws = self.found.moving
         return {law.sensor: (law.temperature[0], law.temperature[-1]) for law in laws}
 
-    def _within(self, warmth: Float[np.ndarray, "t s"]) -> Bool[np.ndarray, " t"]:
+    def _within(self, warm: Warmth) -> Bool[np.ndarray, " t"]:
         """Return which readings lie within the temperatures of the laws."""
-        inside = np.ones(len(warmth), bool)
+        inside = np.array(True)
         for name, (low, high) in self._ends.items():
-            warm, more = warmth[:, self.found.sensors.index(name)], _MORE * (high - low)
-            inside &= (warm >= low - more) & (warm <= high + more)
+            more = _MORE * (high - low)
+            inside = inside & (warm[name] >= low - more) & (warm[name] <= high + more)
         return inside
 
     def _beyond(self, within: Bool[np.ndarray, " t"]) -> str:
@@ -287,7 +284,7 @@ class TemperatureDraft(AbstractDraft):
         from_file = before
         if self.written and table is not None:
             line = self._line_of(read_law(table)[0], done.machine)
-            place, warm = fit.position, fit.structure
+            place, warm = fit.position, np.stack([*fit.structure.values()], axis=1)
             distance = np.zeros(len(before)) if place is None else place
             from_file = before + np.asarray(line.offset(distance, warm))
         return TemperatureResult(

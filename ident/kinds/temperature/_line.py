@@ -10,6 +10,7 @@ law is then the one given that nothing is left.
 import dataclasses
 import functools
 import math
+from collections.abc import Mapping
 from typing import Literal, cast
 
 import numpy as np
@@ -23,6 +24,8 @@ Meeting = Literal[
     "met", "given", "parallel", "two sensors", "not one point", "uncertain", "no offset"
 ]
 """Whether the lines of all temperatures meet at the reference, or why it was not taken."""
+Warmth = Mapping[str, Float[np.ndarray, " t"]]
+"""Temperatures in °C by name of the sensor."""
 _SURE = 3.0
 """Deviations by which the coefficient must change, and up to which lines meet in a point."""
 _ROUNDS = 4
@@ -113,7 +116,7 @@ class TemperatureFit:
         line: Temperatures of its values, its reference $s_0$ in mm, its lags.
         data: The complete readings.
         rows: Which of all readings each of them was.
-        structure: Temperature of the structure behind each sensor of the line in °C.
+        structure: Temperature in °C of what lies behind each sensor of the line, by its name.
         values: Of the offset $o(T)$ in mm, then of the coefficient $c(T)$ in mm/mm.
         covariance: Of the values.
         lags: One per sensor.
@@ -131,7 +134,7 @@ class TemperatureFit:
     line: Temperature
     data: JointData
     rows: Int[np.ndarray, " t"]
-    structure: Float[np.ndarray, "t s"]
+    structure: Warmth
     values: Float[np.ndarray, " p"]
     covariance: Float[np.ndarray, "p p"]
     lags: tuple[Lag, ...]
@@ -154,7 +157,7 @@ class TemperatureFit:
 
     @property
     def sensors(self) -> tuple[str, ...]:
-        """Those that it follows, as columns of the temperatures."""
+        """Those that it follows."""
         return self.line.sensor_names
 
     @property
@@ -201,11 +204,10 @@ class TemperatureFit:
         return float(self.line.reference)
 
     def predict(
-        self, temperature: Float[np.ndarray, "t s"], position: Float[np.ndarray, " t"]
+        self, structure: Warmth, position: Float[np.ndarray, " t"]
     ) -> Float[np.ndarray, " t"]:
-        """Return the error in mm at structure temperatures in °C and positions in mm."""
-        warm = dict(zip(self.sensors, temperature.T, strict=True))
-        inputs = [warm[law.sensor] for law in self.laws.values()]
+        """Return the error in mm at temperatures as `structure` and positions in mm."""
+        inputs = [structure[law.sensor] for law in self.laws.values()]
         return np.asarray(self.line.rows([*inputs, position])[1] @ self.values)
 
 

@@ -12,7 +12,7 @@ from ...core import FitError, node_shares, regress
 from ...job.result._result import AbstractResult, Expectation, Remark, wild_remark
 from ...readings import IN_SHOP, SHOP
 from ._law import RATE, ThermalLaw
-from ._line import Lag, Law, Meeting, TemperatureFit
+from ._line import Lag, Law, Meeting, TemperatureFit, Warmth
 
 if TYPE_CHECKING:
     from ._draft import TemperatureDraft
@@ -105,13 +105,12 @@ class TemperatureResult(AbstractResult):
         """The largest correction of the written line at a place that was measured."""
         correction, places = self.from_file - self.before, self.fit.position
         row = int(np.argmax(np.abs(correction)))
-        warm = self.fit.structure[row].tolist()
         return Expectation(
             {} if places is None else {self.axis: float(places[row])},
             None,
             float(correction[row]),
             self.unit,
-            temperatures=dict(zip(self.fit.sensors, warm, strict=True)),
+            temperatures={k: float(at[row]) for k, at in self.fit.structure.items()},
         )
 
     def details(self) -> dict[str, Any]:
@@ -339,8 +338,7 @@ def _or_drift(fit: TemperatureFit) -> Iterator[Remark]:
     """Return which effect a drift of the instrument would explain as well, and what one does."""
     count, clock, place = len(fit.error), fit.data.order, fit.position
     distance = np.zeros(count) if place is None else place - place.mean()
-    warm = dict(zip(fit.sensors, fit.structure.T, strict=True))
-    columns = {effect: warm[sensor] for effect, sensor in fit.line.sensors.items()}
+    columns = {k: fit.structure[sensor] for k, sensor in fit.line.sensors.items()}
     if "coefficient" in columns:
         change = columns["coefficient"] - columns["coefficient"].mean()
         columns["coefficient"] = change * distance
@@ -358,8 +356,8 @@ def _or_drift(fit: TemperatureFit) -> Iterator[Remark]:
             from scipy.stats import rankdata  # takes long to load
 
             # Too few readings for a drift beside it: one way up or down is like one.
-            first = next(iter(warm.values()))
-            correlation = np.corrcoef(rankdata(clock), rankdata(first))[0, 1]
+            first = rankdata(fit.structure[fit.sensors[0]])
+            correlation = np.corrcoef(rankdata(clock), first)[0, 1]
             doubtful, rms = abs(float(correlation)) > _ONE_WAY, float(np.std(fit.error))
         else:
             part, rms = len(effects) < len(columns), comparison.rms
@@ -389,11 +387,11 @@ def _drifted(
     """
     sound = ~fit.wild & np.isfinite(fit.error)
     span = (clock - clock.mean()) / (float(np.ptp(clock)) or 1.0)
-    sensors = np.stack([fit.data.temperature[name] for name in fit.sensors], axis=1)
     lagged = any(lag.applied for lag in fit.lags)
     left, drifts = [], []  # with the lags as fitted, then without any
-    for warm in (fit.structure, sensors)[: 1 + lagged]:
-        change = np.hstack([warm - warm.mean(axis=0), *_bends(fit, warm)])
+    for warm in (fit.structure, fit.data.temperature)[: 1 + lagged]:
+        changes = [warm[name] - warm[name].mean() for name in fit.sensors]
+        change = np.column_stack([*changes, *_bends(fit, warm)])
         columns = [span[:, None], np.ones((len(span), 1)), distance[:, None]]
         columns += [change, change * distance[:, None]]
         try:
@@ -413,14 +411,12 @@ def _drifted(
         )
 
 
-def _bends(
-    fit: TemperatureFit, warm: Float[np.ndarray, "t s"]
-) -> Iterator[Float[np.ndarray, "t n"]]:
+def _bends(fit: TemperatureFit, warm: Warmth) -> Iterator[Float[np.ndarray, "t n"]]:
     """Yield the functions of each temperature by which its laws are no straight lines."""
-    for name, at in zip(fit.sensors, warm.T, strict=True):
+    for name in fit.sensors:
         nodes = [law.temperature for law in fit.laws.values() if law.sensor == name]
         if any(len(each) > 2 for each in nodes):
-            yield node_shares(at, max(nodes, key=len))[:, 1:-1]
+            yield node_shares(warm[name], max(nodes, key=len))[:, 1:-1]
 
 
 def _bent(draft: "TemperatureDraft") -> Iterator[Remark]:
@@ -436,7 +432,7 @@ def _bent(draft: "TemperatureDraft") -> Iterator[Remark]:
     ends = place.min(), np.ptp(place)
     still = legvander(2.0 * (place - ends[0]) / ends[1] - 1.0, order)
     sensor = fit.line.sensors.get("coefficient", fit.sensors[0])
-    warm = fit.structure[:, fit.sensors.index(sensor)]
+    warm = fit.structure[sensor]
     change = (warm - warm.mean())[:, None]
     sound = ~fit.wild & np.isfinite(fit.error)
     try:

@@ -136,7 +136,7 @@ def errors_plot(fit: TemperatureResult, scale: Scale) -> Plot:
     Over the position, or over the temperature where no coefficient was fitted.
     """
     thermal, followed = fit.fit, fit.fit.coefficient or fit.fit.offset
-    warm = thermal.structure[:, thermal.sensors.index(followed.sensor)]
+    warm = thermal.structure[followed.sensor]
     x, label = warm, _over(fit)
     if along := thermal.coefficient is not None:
         assert thermal.position is not None  # else there is no coefficient
@@ -158,9 +158,10 @@ def errors_plot(fit: TemperatureResult, scale: Scale) -> Plot:
             )  # fmt: skip
         if fit.law is not None:
             positions = np.linspace(x[rows].min(), x[rows].max())
-            heat = positions[:, None]
+            heat = dict.fromkeys(thermal.sensors, positions)
             if along:
-                heat = np.tile(np.median(thermal.structure[rows], axis=0), (50, 1))
+                at = {k: np.median(each[rows]) for k, each in thermal.structure.items()}
+                heat = {k: np.full_like(positions, middle) for k, middle in at.items()}
             line = thermal.predict(heat, positions) * scale.factor
             panels[0].plot(positions, line, color=colour, linewidth=1.0)
     handles = panels[0].get_legend_handles_labels()
@@ -221,12 +222,10 @@ def over_time_plot(fit: TemperatureResult, scale: Scale) -> Plot:
     panels[0].set_ylabel(f"error of {fit.axis} in {scale.error}")
     order = np.argsort(clock, kind="stable")
     colours = (style.ORANGE, style.GREEN, style.BLUE)
-    warm = zip(
-        thermal.lags, thermal.structure.T, itertools.cycle(colours), strict=False
-    )
-    for lag, structure, colour in warm:
+    for lag, colour in zip(thermal.lags, itertools.cycle(colours), strict=False):
         curves = [("-", lag.sensor, thermal.data.temperature[lag.sensor])]
         if lag.applied:
+            structure = thermal.structure[lag.sensor]
             curves.append(("--", f"structure behind {lag.sensor}", structure))
         for line, name, values in curves:
             panels[1].plot(

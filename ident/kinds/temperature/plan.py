@@ -232,9 +232,8 @@ class TemperaturePlan(AbstractPlan):
     def draft(self, share: "Share") -> TemperatureDraft:
         line, part, rows = share.part.effect, share.part, share.rows
         assert isinstance(line, Temperature)  # of `effect`
-        recorded, sensors = share.recording.data, line.sensor_names
+        recorded = share.recording.data
         data = recorded.take(rows)
-        warm = [line.structure(recorded, sensor)[rows] for sensor in sensors]
         timed = data.time is not None and bool(np.isfinite(data.time).all())
         zeros = np.zeros(len(data))
         if not share.recording.drifting:  # else they are taken off already
@@ -254,7 +253,7 @@ class TemperaturePlan(AbstractPlan):
                 },
             ),
             rows=np.flatnonzero(rows),
-            structure=np.stack(warm, axis=1),
+            structure={k: line.structure(recorded, k)[rows] for k in line.sensor_names},
             values=part.values,
             # Of what these readings do not tell nothing is written.
             covariance=np.nan_to_num(share.part.covariance, posinf=0.0),

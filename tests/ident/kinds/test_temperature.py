@@ -305,7 +305,7 @@ def test_missed_readings_glitches_and_missed_steps_change_nothing() -> None:
 def test_nothing_is_corrected_at_the_reference_temperature() -> None:
     fit = fitted(warm_up(1), law=("linear", "linear"), reference=0.0)
     place = np.array([0.0, 1000.0])
-    there = fit.predict(np.array([[20.0], [20.0]]), place)
+    there = fit.predict({"1": np.full(2, 20.0)}, place)
     np.testing.assert_allclose(there, 0.0, atol=1e-12)  # exact but for rounding
 
 
