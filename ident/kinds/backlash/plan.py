@@ -171,8 +171,15 @@ class BacklashDraft(AbstractDraft):
 
     @property
     def foreseen(self) -> Foreseen:
-        sides = sides_of(self.share)
-        return Foreseen(sides.before, self._held_out(), sides.wild)
+        share, run = self.share, self.share.recording.data.run
+        # Under a fit to the others, about the middle of each run.
+        predicted = np.array(share.predicted[share.rows])
+        if run is not None:
+            run = run[share.rows]
+            for label in np.unique(run):
+                predicted[run == label] -= np.median(predicted[run == label])
+        sides = sides_of(share)
+        return Foreseen(sides.before, predicted, sides.wild)
 
     def gate(self, cycles: int | None) -> tuple[GateCheck, ...]:
         job, jump, spread = self.job, self.jump, cycles or 0
@@ -239,7 +246,8 @@ class BacklashDraft(AbstractDraft):
         acting = {frozenset({*one.active} - {self.compensation}) for one in specs}
         before, after = (one.middle for one in drafts)
         width = float(self.share.part.values[0])
-        if owned and not self._alone:
+        alone = [fit.axis for fit in self.job.spec.fits].count(self.axis) == 1
+        if owned and not alone:
             # The other flank puts both directions there.
             flank = min(abs(after), abs(after - self.plan.reference * width))
             sure = max(flank, again.uneven) < _FLANK_ALONE * abs(width)
@@ -247,11 +255,6 @@ class BacklashDraft(AbstractDraft):
         if not owned or len(acting) > 1:
             return None
         return after - (before - 0.5 * self.plan.reference * width)
-
-    @property
-    def _alone(self) -> bool:
-        """Whether the job has no other fit of the axis."""
-        return [fit.axis for fit in self.job.spec.fits].count(self.axis) == 1
 
     @property
     def middle(self) -> float:
@@ -300,13 +303,3 @@ class BacklashDraft(AbstractDraft):
         drifts = drift_remark(share, nodes, self.job.spec.axes[self.axis].small_unit)
         remarks = (*share.remarks(), *fit_remarks, *drifts)
         return dataclasses.replace(result, remarks=remarks)
-
-    def _held_out(self) -> Float[np.ndarray, " t"]:
-        """Return the error under a fit to the others, about the middle of each run."""
-        share, run = self.share, self.share.recording.data.run
-        residual = np.array(share.predicted[share.rows])
-        if run is not None:
-            for label in np.unique(run):
-                rows = run[share.rows] == label
-                residual[rows] -= np.median(residual[rows]) if rows.any() else 0.0
-        return residual

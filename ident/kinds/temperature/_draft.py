@@ -33,7 +33,7 @@ from .entries import (
     read_law,
     temperature_line,
 )
-from .keys import Spec, temperature_names
+from .keys import Spec
 
 if TYPE_CHECKING:
     from ...job.joint._share import Share
@@ -113,7 +113,7 @@ class TemperatureDraft(AbstractDraft):
             )
 
     def extra_files(self) -> Mapping[str, bytes]:
-        table, program, *_ = temperature_names(self.axis)
+        table, program, *_ = self.fit.plc_files
         plc = self._program
         objects = {f"{name}.TcPOU": text for name, text in plc_objects(plc).items()}
         law = self._law.csv(*self._followed)
@@ -279,7 +279,7 @@ class TemperatureDraft(AbstractDraft):
         )
 
     def prove(self, done: "AxisFiles") -> TemperatureResult:
-        table, fit = done.path(temperature_names(self.axis)[0]), self.found
+        table, fit = done.path(self.fit.plc_files[0]), self.found
         before, predicted, wild = self.foreseen
         from_file = before
         if self.written and table is not None:

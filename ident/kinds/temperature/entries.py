@@ -178,10 +178,10 @@ class TemperatureEntries(AbstractEntries):
 
     def looks_at(self, in_use: InUse, motion: Motion, reading: Reading) -> Axes:
         line = reading.lines.get(in_use.axis)
-        if line is not None and isinstance(line.coefficient, TemperatureCurve):
-            # A law of the PLC may be the same at all positions.
-            return in_use.masters if np.any(line.coefficient.values) else ()
-        return in_use.masters
+        slope = None if line is None else line.coefficient
+        # A law of the PLC may be the same at all positions.
+        flat = isinstance(slope, TemperatureCurve) and not np.any(slope.values)
+        return () if flat else in_use.masters
 
     def to_list(
         self, model: TemperatureLine, masters: Axes = (), target: ListTarget = ANY_LIST

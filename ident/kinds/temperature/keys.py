@@ -61,7 +61,10 @@ class Spec(FitSpec, frozen=True):
 
     @property
     def plc_files(self) -> tuple[str, ...]:
-        return temperature_names(self.axis)
+        # The table, the program, and its blocks for XAE.
+        blocks = (f"{block}.TcPOU" for block in block_names(self.axis))
+        stem = f"temperature_{plain_name(self.axis)}"
+        return f"{stem}.csv", f"{stem}.st", *blocks
 
     def faults(self, job: "JobFile", where: KeyPath) -> Iterator[Fault]:
         why = "the unit of the coefficient is not defined for others"
@@ -122,10 +125,3 @@ def block_names(axis: str) -> tuple[str, str]:
     """Return the names of the function blocks of an axis: the law, and what is called."""
     name = plain_name(axis)
     return f"FB_TempCompLaw_{name}", f"FB_TempComp_{name}"
-
-
-def temperature_names(axis: str) -> tuple[str, ...]:
-    """Return the names of the table of an axis, its PLC program, and its blocks for XAE."""
-    blocks = (f"{block}.TcPOU" for block in block_names(axis))
-    stem = f"temperature_{plain_name(axis)}"
-    return f"{stem}.csv", f"{stem}.st", *blocks
