@@ -172,7 +172,7 @@ def test_table_reproduces_the_fit_to_half_a_unit(
         offset = np.interp(warm, table["temperature"], table["offset_0"])
         slope = np.interp(warm, table["temperature"], table["coefficient"])
         fit = found.fit.predict(
-            dict.fromkeys(found.fit.sensors, warm), np.full(50, place)
+            {k: warm for k in found.fit.sensors}, np.full(50, place)
         )
         # Half of 0.1 µm.
         np.testing.assert_allclose(offset + 1e-6 * slope * away, -fit, atol=0.5e-4)

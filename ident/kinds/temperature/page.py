@@ -13,6 +13,7 @@ from ...report import _style as style
 from ...report._body import Body, Plot, WildRow
 from ...report._scale import Scale, count, grouped, left_out_words, number, place
 from ._law import RATE, ThermalLaw
+from ._line import Warmth
 from ._result import TemperatureResult
 
 _GROUPS = 5
@@ -158,10 +159,12 @@ def errors_plot(fit: TemperatureResult, scale: Scale) -> Plot:
             )  # fmt: skip
         if fit.law is not None:
             positions = np.linspace(x[rows].min(), x[rows].max())
-            heat = dict.fromkeys(thermal.sensors, positions)
-            if along:
-                at = {k: np.median(each[rows]) for k, each in thermal.structure.items()}
-                heat = {k: np.full_like(positions, middle) for k, middle in at.items()}
+            heat: Warmth = {
+                k: np.full_like(positions, np.median(each[rows]))
+                if along
+                else positions
+                for k, each in thermal.structure.items()
+            }
             line = thermal.predict(heat, positions) * scale.factor
             panels[0].plot(positions, line, color=colour, linewidth=1.0)
     handles = panels[0].get_legend_handles_labels()
