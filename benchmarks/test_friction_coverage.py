@@ -88,7 +88,7 @@ def judged(folder: Path, case: Case, name: str, seed: int) -> dict[str, np.ndarr
     (folder / "job.toml").write_text(friction_job(KEYS))
     found = run_job(folder / "job.toml", folder / "out", sync=False).fits[0]
     assert isinstance(found, FrictionResult)
-    curve, said = found.curve, found.details()
+    curve, said = found.view.curve, found.details()
     assert curve is not None
     # Which part of a constant load is friction that differs by direction is a choice.
     shift = 0.0

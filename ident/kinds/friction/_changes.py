@@ -1,12 +1,12 @@
 """What changes over a recording of friction, or over its places, and no law of friction knows."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 from jaxtyping import Float
 from scipy.ndimage import uniform_filter1d
 
-from ...friction import DriveSamples
+from ...friction import DriveSamples, FrictionFit
 from ...job.result._result import Remark
 
 _LOOKED_AT, _PARTS = 3_000, 10
@@ -29,43 +29,33 @@ _ROWS, _ALIKE = 10, 1e-11
 none: columns may be alike, as the law and the speed are."""
 
 
-def changes(
-    samples: DriveSamples,
-    friction: Callable[[Float[np.ndarray, " t"]], Float[np.ndarray, " t"]],
-    inertia: float,
-    unit: str,
-    *,
-    stated: bool = False,
-) -> Iterator[Remark]:
-    """Yield what the current of a recording does beside the law that was found.
+def changes(samples: DriveSamples, fit: FrictionFit, unit: str) -> Iterator[Remark]:
+    """Yield what the current of a recording, in its unit, does beside the law that was found.
 
     Load and friction are parabolas over the place; over the time friction is a straight line, and
     the load a level in each third. What they change by depends on no single stretch of the
     recording: its deviation is that of the jackknife.
-
-    Args:
-        samples: Of the recording.
-        friction: The law: current over velocity.
-        inertia: In units of the current per mm/s² or °/s².
-        unit: Of the current.
-        stated: The inertia is that of the job, and not fitted.
     """
-    late = _late(samples, friction, inertia)
+    assert samples.position is not None  # of a recording
+    inertia, friction = (
+        fit.parameters.get("inertia", 0.0),
+        fit.friction(samples.velocity),
+    )
+    push = inertia * samples.acceleration
+    late = _late(samples, friction + push)
     way = np.sign(samples.velocity) * samples.in_motion
     starts = np.flatnonzero(np.diff(way, prepend=0.0) != 0.0)
     rows = np.flatnonzero(samples.in_motion)
     rows = rows[(rows + late >= 0) & (rows + late < len(samples.time))]
     rows = rows[:: -(-len(rows) // _LOOKED_AT)]
     speed, time = samples.velocity[rows], np.arange(1, len(rows) + 1) / len(rows)
-    law, low, travel, place = friction(speed), 0.0, 0.0, np.zeros(len(rows))
-    size = float(np.sqrt(np.mean(law**2))) or 1.0
-    law = law / size  # all loads are in shares of the friction
+    size = float(np.sqrt(np.mean(friction[rows] ** 2))) or 1.0
+    law = friction[rows] / size  # all loads are in shares of the friction
     columns = [law * time, *(np.ceil(3.0 * time) == k for k in (1, 2, 3))]
-    if samples.position is not None:
-        place = samples.position[rows]
-        low, travel = float(place.min()), float(np.ptp(place))
-        share = (place - low) / max(travel, 1e-9)
-        columns += [share, share**2, law * share, law * share**2]
+    place = samples.position[rows]
+    low, travel = float(place.min()), float(np.ptp(place))
+    share = (place - low) / max(travel, 1e-9)
+    columns += [share, share**2, law * share, law * share**2]
     # A filter of the current takes friction away behind a start, whatever comes late.
     began = samples.time[starts[np.searchsorted(starts, rows, "right") - 1]]
     columns.append(law * (samples.time[rows] - began < _LATE))
@@ -77,7 +67,10 @@ def changes(
     # goes with it where an axis goes to and fro, would take the rest.
     window = max(round(_LATE / samples.cycle), 1)
     quiet = uniform_filter1d(samples.acceleration, window)[rows]
-    other = _other_inertia(samples, friction, inertia, window) if stated else 0.0
+    other = 0.0
+    if fit.inertia is not None:
+        left = samples.current - friction - push
+        other = _other_inertia(samples, left, inertia, window)
     if other:
         yield Remark.warning(
             f"The recording shows an inertia of about {inertia + other:.3g} {unit} per"
@@ -106,26 +99,25 @@ def changes(
         mean = float(np.mean(change))
         return mean if abs(mean) > _SURE * spread else 0.0
 
-    if travel > 0.0:
-        grid = np.linspace(0.0, 1.0, 21)
-        of_load, of_law = (factors[:, k : k + 2] @ [grid, grid**2] for k in (4, 6))
-        change = told(np.ptp(of_load, axis=1))
-        if change > _BY_PLACE:
-            yield Remark.warning(
-                f"The load changes by {change * size:.3g} {unit} over the positions"
-                " driven, as a spring, a cable or a lever does: that is no friction, and the"
-                " law, the inertia and what differs between the directions hold a part of"
-                " it. Record on a short way to and fro."
-            )
-        least, most = (int(f(of_law.mean(axis=0))) for f in (np.argmin, np.argmax))
-        change = told(of_law[:, most] - of_law[:, least])
-        if change > _VARIES:
-            yield Remark.warning(
-                f"Friction is {change:.0%} larger about {low + travel * grid[most]:.4g}"
-                f" {samples.unit} than about {low + travel * grid[least]:.4g}: a list knows"
-                " no place and holds the mean. Look at lubrication, covers and the fit of the"
-                " guides there."
-            )
+    grid = np.linspace(0.0, 1.0, 21)
+    of_load, of_law = (factors[:, k : k + 2] @ [grid, grid**2] for k in (4, 6))
+    change = told(np.ptp(of_load, axis=1))
+    if change > _BY_PLACE:
+        yield Remark.warning(
+            f"The load changes by {change * size:.3g} {unit} over the positions"
+            " driven, as a spring, a cable or a lever does: that is no friction, and the"
+            " law, the inertia and what differs between the directions hold a part of"
+            " it. Record on a short way to and fro."
+        )
+    least, most = (int(f(of_law.mean(axis=0))) for f in (np.argmin, np.argmax))
+    change = told(of_law[:, most] - of_law[:, least])
+    if change > _VARIES:
+        yield Remark.warning(
+            f"Friction is {change:.0%} larger about {low + travel * grid[most]:.4g}"
+            f" {samples.unit} than about {low + travel * grid[least]:.4g}: a list knows"
+            " no place and holds the mean. Look at lubrication, covers and the fit of the"
+            " guides there."
+        )
     change = told(factors[:, 0])
     if abs(change) > _BY_TIME:
         yield Remark.warning(
@@ -143,16 +135,15 @@ def changes(
 
 
 def _other_inertia(
-    samples: DriveSamples,
-    friction: Callable[[Float[np.ndarray, " t"]], Float[np.ndarray, " t"]],
-    inertia: float,
-    window: int,
+    samples: DriveSamples, left: Float[np.ndarray, " t"], inertia: float, window: int
 ) -> float:
-    """Return what means over so many samples show of an inertia beside the known one, or 0."""
-    rest = samples.current - friction(samples.velocity) - inertia * samples.acceleration
+    """Return the inertia beside the known one in what is left of the current, or 0.
+
+    By means over so many samples.
+    """
     whole = uniform_filter1d(samples.in_motion.astype(float), window) > 0.999
     push, rest = (
-        uniform_filter1d(x, window)[whole] for x in (samples.acceleration, rest)
+        uniform_filter1d(x, window)[whole] for x in (samples.acceleration, left)
     )
     if len(push) < _FEW * window:
         return 0.0
@@ -161,22 +152,17 @@ def _other_inertia(
     return slope if sure and abs(slope) > _OTHER * abs(inertia) else 0.0
 
 
-def _late(
-    samples: DriveSamples,
-    friction: Callable[[Float[np.ndarray, " t"]], Float[np.ndarray, " t"]],
-    inertia: float,
-) -> int:
+def _late(samples: DriveSamples, law: Float[np.ndarray, " t"]) -> int:
     """Return by how many samples the current comes later than the motion that it is of."""
     # Few readings stand behind a reversal: those of one stretch, and not one in so many.
     rows = np.flatnonzero(samples.in_motion)[:_STRETCH]
-    law, most = friction(samples.velocity[rows]), round(_LATE / samples.cycle)
-    law = law + inertia * samples.acceleration[rows]
+    most = round(_LATE / samples.cycle)
     step = max(1, most // _SHIFTS)
-    kept = (rows >= most) & (rows < len(samples.time) - most)
+    rows = rows[(rows >= most) & (rows < len(samples.time) - most)]
     left = {
-        shift: float(np.var(samples.current[rows[kept] + shift] - law[kept]))
+        shift: float(np.var(samples.current[rows + shift] - law[rows]))
         for shift in range(-(most // step) * step, most + 1, step)
-        if kept.any()
+        if rows.size
     }
     best = min(left, key=lambda shift: left[shift], default=0)
     return best if left and left[best] < _BETTER * left[0] else 0

@@ -11,7 +11,6 @@ from ...friction import (
     Choice,
     DriveSamples,
     FrictionFit,
-    Knots,
     OutputErrorFit,
     ReversalFit,
     choose_law,
@@ -162,20 +161,6 @@ class LawCurve:
     def mean(self) -> Float[np.ndarray, " v"]:
         """What a list can say."""
         return np.asarray(self.currents[2])
-
-    def deviation_of(self, knots: Knots, level: float) -> Float[np.ndarray, " k"]:
-        """Return the standard deviations of entries that give a share of the friction.
-
-        What rounding and the straight lines of the list put beside the law is part of them.
-        """
-        speed = knots.velocity / 1000.0
-        law, deviation = (
-            level * np.interp(speed, self.speed, curve[2])
-            for curve in (self.currents, self.deviations)
-        )
-        misfit = np.square(knots.out * knots.unit - law)
-        misfit = np.maximum(misfit, knots.rms**2)
-        return np.asarray(np.sqrt(deviation**2 + misfit))
 
     @property
     def difference(self) -> float:

@@ -26,24 +26,38 @@ _WILD = 7.0
 
 @dataclasses.dataclass(frozen=True)
 class FrictionView:
-    """The recording as the friction sees it: one row per sample, in its unit of current.
+    """What was found of a friction, and what its list leaves of the recording.
+
+    Currents are in the unit of the recording, one per sample.
 
     Attributes:
-        samples: The recording.
-        position: Commanded where that was recorded, in mm or °.
-        offset: Constant load that goes with the list; None where the law is not determined.
+        recording: What the drive recorded.
+        found: The law, how it was found, and what competed with it.
+        curve: The law over the driven speeds; None where it is not determined.
+        knots: Entries of the list; None where none are written: then the curve stands for it.
+        level: Share of the friction that the list gives.
+        offset: Constant load that goes with the list: the torque offset of the drive; None
+            where the law is not determined.
         before: Current that friction takes: inertia and constant load taken off.
         predicted: What lists made of the other windows leave of it, at their level.
         listed: Current that the written list, read back, gives; one without rounding where
             none is written, 0 where the law is not determined.
     """
 
-    samples: DriveSamples
-    position: Float[np.ndarray, " t"]
+    recording: DriveRecording
+    found: Identified
+    curve: LawCurve | None
+    knots: Knots | None
+    level: float
     offset: float | None
     before: Float[np.ndarray, " t"]
     predicted: Float[np.ndarray, " t"]
     listed: Float[np.ndarray, " t"]
+
+    @property
+    def samples(self) -> DriveSamples:
+        """The recording as the estimators take it."""
+        return self.recording.samples
 
     @property
     def from_file(self) -> Float[np.ndarray, " t"]:
@@ -66,57 +80,51 @@ class FrictionView:
         rows = self.samples.in_motion
         return Foreseen(self.before[rows], self.predicted[rows], self.wild)
 
-    def gate(self, unit: float, name: str) -> GateCheck:
-        """Return whether the list leaves what was predicted, in a unit of current of this name.
+    def gate(self) -> GateCheck:
+        """Return whether the list leaves what was predicted.
 
         Rounding may leave a unit of the list more, but no large part of what it is to take off.
         """
-        moving = self.samples.in_motion
-        gain = (
-            self.figures(self.before).sound.rms - self.figures(self.predicted).sound.rms
+        assert self.knots is not None  # it is written
+        before, predicted = (
+            self.figures(stage).sound.rms for stage in (self.before, self.predicted)
         )
-        spare = min(unit, _ROUNDED * max(gain, 0.0))
         return leaves_what_was_predicted(
-            self.from_file[moving], self.foreseen, spare, name, "over all speeds"
+            self.from_file[self.samples.in_motion],
+            self.foreseen,
+            min(self.knots.unit, _ROUNDED * max(before - predicted, 0.0)),
+            self.recording.unit,
+            "over all speeds",
         )
 
 
 def view_of(
     recording: DriveRecording,
-    identified: Identified,
+    found: Identified,
     curve: LawCurve | None,
     knots: Knots | None,
     level: float,
 ) -> FrictionView:
-    """Return what a list leaves of a recording.
-
-    Args:
-        recording: The recording.
-        identified: The law.
-        curve: The law over the speeds that were driven; None where it is not determined.
-        knots: Entries of the list; without them the curve stands for it, at level 1.
-        level: Share of the friction that the entries give.
-    """
-    samples, parameters = recording.samples, identified.fit.parameters
+    """Return what a list leaves of a recording; arguments as in `FrictionView`."""
+    samples, parameters = recording.samples, found.fit.parameters
     sign, speed = np.sign(samples.velocity), np.abs(samples.velocity)
     acceleration = samples.acceleration
     friction = samples.current - parameters.get("inertia", 0.0) * acceleration
-    window, predicted = identified.choice.window, np.empty(len(speed))
+    window, predicted = found.choice.window, np.empty(len(speed))
     listed, offset, sound = np.zeros(len(speed)), None, samples.in_motion
     before = friction - parameters.get("offset", 0.0)
-    if knots is None or curve is None:
-        level = 1.0
+    share = 1.0 if knots is None else level
     if curve is not None:
         if knots is None:
             listed = sign * np.interp(speed, curve.speed, curve.mean)
         else:
-            listed = sign * knots.current(speed) / level
+            listed = sign * knots.current(speed) / share
         far = np.abs(friction - listed - median((friction - listed)[sound]))
         # What belongs to no list is the mean of what it leaves, without faults.
         sound = sound & (far <= _WILD * 1.4826 * median(far[sound]))
         offset = float((friction - listed)[sound].mean())
         before = friction - offset
-    laws = identified.without
+    laws = found.without
     curves = friction_of(laws, samples.velocity) if curve is None else curve.without
     for number, fit in enumerate(laws):
         rows, law = window == number, curves[:, number]
@@ -125,14 +133,9 @@ def view_of(
         if curve is not None:
             law = sign * np.interp(speed, curve.speed, law)
             constant = float((remainder - law)[sound & ~rows].mean())
-        predicted[rows] = (remainder - constant - level * law)[rows]
+        predicted[rows] = (remainder - constant - share * law)[rows]
     return FrictionView(
-        samples=samples,
-        position=recording.commanded,
-        offset=offset,
-        before=before,
-        predicted=predicted,
-        listed=level * listed,
+        recording, found, curve, knots, level, offset, before, predicted, share * listed
     )
 
 
@@ -142,31 +145,22 @@ class FrictionResult(AbstractResult):
     """The friction law of an axis and the list made of it.
 
     Attributes:
-        identified: The law, how it was found, and what competed with it.
-        knots: Entries of the list, or None where none is written.
-        level: Share of the friction that the list gives.
-        curve: The law over speed; None where it is not determined.
-        view: The recording before and after; its offset is the torque offset of the drive
-            that goes with the list.
+        view: What was found, and the recording before and after.
         circle: A simulated circle without and with the list, or None.
     """
 
-    identified: Identified
-    knots: Knots | None
-    level: float
-    curve: LawCurve | None
     view: FrictionView
     circle: CircularTest | None
 
     @property
     def fit(self) -> FrictionFit:
         """What the list follows; see `Identified`."""
-        return self.identified.fit
+        return self.view.found.fit
 
     @property
     def law(self) -> FrictionFit:
         """The law in words that predicts best; see `Identified`."""
-        return self.identified.law
+        return self.view.found.law
 
     @property
     def length_unit(self) -> str:
@@ -175,44 +169,54 @@ class FrictionResult(AbstractResult):
 
     @property
     def entry_deviations(self) -> Float[np.ndarray, " k"]:
-        """Standard deviations of the entries, in the unit of the current."""
-        assert self.knots is not None
-        assert self.curve is not None
-        return self.curve.deviation_of(self.knots, self.level)
+        """Standard deviations of the entries, in the unit of the current.
+
+        What rounding and the straight lines of the list put beside the law is part of them.
+        """
+        view, curve, knots = self.view, self.view.curve, self.view.knots
+        assert curve is not None
+        assert knots is not None
+        law, deviation = (
+            view.level * np.interp(knots.velocity / 1000.0, curve.speed, each[2])
+            for each in (curve.currents, curve.deviations)
+        )
+        misfit = np.square(knots.out * knots.unit - law)
+        misfit = np.maximum(misfit, knots.rms**2)
+        return np.asarray(np.sqrt(deviation**2 + misfit))
 
     @property
     def expectation(self) -> Expectation | None:
         """The largest current that the written list adds at a speed to jog with, positive."""
-        if self.knots is None:
+        knots = self.view.knots
+        if knots is None:
             return None
-        speed = self.knots.velocity / 1000.0
+        speed = knots.velocity / 1000.0
         slow = speed < min(_JOG, float(speed[-1]))
-        largest = int(np.argmax(np.where(slow, -1, np.abs(self.knots.out))))
+        largest = int(np.argmax(np.where(slow, -1, np.abs(knots.out))))
         return Expectation(
             {},
             1,
-            self.sign * float(self.knots.out[largest] * self.knots.unit),
+            self.sign * float(knots.out[largest] * knots.unit),
             self.unit,
             speed=float(speed[largest]),
         )
 
     def details(self) -> dict[str, Any]:
         """Return parameters, deviations and support for result.json."""
-        result, law, fit = self.identified, self.law, self.fit
+        view, result, law, fit = self.view, self.view.found, self.law, self.fit
         record = _law(law)
         parameters, deviations = record["parameters"], record["standard_deviations"]
         structure = law.structure
         if isinstance(structure, Stribeck) and structure.exponent is not None:
             parameters["stribeck_shape"] = structure.exponent  # assumed, not fitted
-        if self.curve is not None:
-            curve = {"velocity": self.curve.speed, "current": self.curve.mean}
-            parameters["curve"] = curve
-            deviations["curve"] = {"current": self.curve.deviations[2]}
-        if self.knots is not None:
+        if (curve := view.curve) is not None:
+            parameters["curve"] = {"velocity": curve.speed, "current": curve.mean}
+            deviations["curve"] = {"current": curve.deviations[2]}
+        if (knots := view.knots) is not None:
             parameters["table"] = {
-                "velocity": self.knots.velocity / 1000.0,
-                "current": self.knots.out * self.knots.unit,
-                "out": self.knots.out,
+                "velocity": knots.velocity / 1000.0,
+                "current": knots.out * knots.unit,
+                "out": knots.out,
             }
             deviations["table"] = {"current": self.entry_deviations}
         reversal = result.reversal
@@ -232,8 +236,8 @@ class FrictionResult(AbstractResult):
             "support": fit.count,
             "noise": fit.noise,
             "relative_error": fit.relative_error,
-            "level": self.level,
-            "drive_offset": self.view.offset,
+            "level": view.level,
+            "drive_offset": view.offset,
             "gauges": list(law.gauges),
             "choice": [
                 {

@@ -31,9 +31,9 @@ def body(fit: FrictionResult, scale: Scale) -> Body:
 
 
 def _facts(fit: FrictionResult, scale: Scale) -> Iterator[tuple[str, str]]:
-    law = fit.law
+    law, view, found, per = fit.law, fit.view, fit.view.found, fit.length_unit
     yield ("Law", _law(fit, scale))
-    if fit.fit is not fit.law and fit.fit.structure != fit.law.structure:
+    if fit.fit.structure != law.structure:
         yield (
             "The list follows",
             f"A {fit.fit.structure.words}, which predicts better than this law: its"
@@ -41,37 +41,32 @@ def _facts(fit: FrictionResult, scale: Scale) -> Iterator[tuple[str, str]]:
         )
     yield (
         "Recording",
-        f"{grouped(int(np.sum(fit.view.samples.in_motion)))} samples in motion; the force error"
+        f"{grouped(int(np.sum(view.samples.in_motion)))} samples in motion; the force error"
         f" of the fit is {percent(law.relative_error)} of the load.",
     )
-    if fit.knots is not None:
-        rounded = fit.knots.rms / fit.knots.unit
-        slowest = f"1 {small_unit(fit.length_unit)}/s"
+    if (knots := view.knots) is not None:
         yield (
             "List",
-            f"{count(len(fit.knots.velocity), 'entry', 'entries')} from {slowest} to"
-            f" {fit.knots.velocity[-1] / 1000:g} {fit.length_unit}/s; one unit of out is"
-            f" {fit.knots.unit:.4g} {scale.error}; the list follows the curve to"
-            f" {rounded:.2f} units rms.",
+            f"{count(len(knots.velocity), 'entry', 'entries')} from 1 {small_unit(per)}/s to"
+            f" {knots.velocity[-1] / 1000:g} {per}/s; one unit of out is {knots.unit:.4g}"
+            f" {scale.error}; the list follows the curve to {knots.rms / knots.unit:.2f}"
+            " units rms.",
         )
-    reversal = fit.identified.reversal
-    if reversal is not None:
-        small = small_unit(fit.length_unit)
+    if (reversal := found.reversal) is not None:
         yield (
             "Reversal",
             f"{count(reversal.reversals, 'reversal')}: look-ahead {reversal.lookahead}"
             f" cycles (probability {reversal.lookahead_probability:.0%}), build-up over"
             f" {1e3 * reversal.position_delay:.2f} ±"
-            f" {1e3 * reversal.position_delay_sd:.2f} {small}, delay"
+            f" {1e3 * reversal.position_delay_sd:.2f} {small_unit(per)}, delay"
             f" {reversal.delay_cycles} cycles (probability"
             f" {reversal.delay_probability:.0%}).",
         )
-    output = fit.identified.output
-    if output is not None:
+    if found.output is not None:
         yield (
             "Free run",
             "Driven by the recorded current alone, the simulated axis stays within"
-            f" {output.free_run:.3g} {fit.length_unit} rms of the measured one.",
+            f" {found.output.free_run:.3g} {per} rms of the measured one.",
         )
     yield ("The fit itself", law.message)
 
@@ -124,7 +119,7 @@ def _binned(
 
 def curve_plot(fit: FrictionResult, scale: Scale) -> Plot | None:
     """Draw friction over speed, all speeds and the slow ones enlarged."""
-    curve = fit.curve
+    curve = fit.view.curve
     if curve is None:
         return None
     figure, panels = style.new_figure(3.4, columns=2)
@@ -171,13 +166,13 @@ def _draw(
         low, high = law - 2 * sd, law + 2 * sd
         panel.fill_between(curve.speed, low, high, color=color, alpha=0.15, linewidth=0)
         heights += [law[visible], mean]
-    if fit.knots is not None:
-        listed = fit.knots.current(curve.speed)
+    if (knots := fit.view.knots) is not None:
+        listed = knots.current(curve.speed)
         panel.plot(curve.speed, listed, color=style.INK, linewidth=0.9, label="list")
         panel.errorbar(
-            fit.knots.velocity / 1000.0, fit.knots.out * fit.knots.unit,
-            2 * fit.entry_deviations, linestyle="none", marker="s", markersize=3.2,
-            linewidth=0.7, color=style.INK, markerfacecolor="white", label="its entries",
+            knots.velocity / 1000.0, knots.out * knots.unit, 2 * fit.entry_deviations,
+            linestyle="none", marker="s", markersize=3.2, linewidth=0.7,
+            color=style.INK, markerfacecolor="white", label="its entries",
         )  # fmt: skip
         heights.append(listed[visible])
     values = np.concatenate([height for height in heights if height.size])
@@ -194,7 +189,7 @@ def _caption(fit: FrictionResult, curve: LawCurve) -> str:
         f" ± 2 standard deviations, from {slow} to {fast} {fit.length_unit}/s: only these speeds"
         " were driven."
     )
-    if fit.knots is None:
+    if fit.view.knots is None:
         return f"{text} No list is written."
     share = percent(curve.difference)
     text += " The list is the same for both directions"
@@ -218,13 +213,13 @@ def residual_plot(fit: FrictionResult, scale: Scale) -> Plot | None:
     size = np.abs(residual)
     limit = min(_ROOM * float(np.median(size)), 1.2 * float(size.max())) or 1.0
     outside = int(np.sum(size > limit))
-    share = 1.0 if fit.knots is None else fit.level
+    share = 1.0 if fit.view.knots is None else fit.view.level
     beyond = residual - (1.0 / share - 1.0) * view.listed[chosen]
     figure, panels = style.new_figure(2.8, columns=2, sharey=True)
     unit = fit.length_unit
     views = {
         f"velocity in {unit}/s": (view.samples.velocity, residual),
-        f"position in {unit}": (view.position, beyond),
+        f"position in {unit}": (view.recording.commanded, beyond),
     }
     medians = []
     for panel, (name, (x, value)) in zip(panels, views.items(), strict=True):

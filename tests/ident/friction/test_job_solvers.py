@@ -123,13 +123,13 @@ def test_ipopt_in_a_job_ends_no_higher_than_optimistix(
 ) -> None:
     # Without inequalities both jobs hold windows out by optimistix: once is enough.
     held_out = "axcomp.ident.kinds.friction._law.laws_held_out"
-    monkeypatch.setattr(held_out, lambda *_: output.identified.without)
+    monkeypatch.setattr(held_out, lambda *_: output.view.found.without)
     second = run(driven, 0.004, 'method = "output_error"\nsolver = "ipopt"')
-    assert output.identified.output is not None
-    assert second.identified.output is not None
+    assert output.view.found.output is not None
+    assert second.view.found.output is not None
     assert second.law.method == "output error (ipopt)"
     # A current that comes late makes many bottoms: the solvers end in some of them.
-    assert second.identified.output.cost <= 1.05 * output.identified.output.cost
+    assert second.view.found.output.cost <= 1.05 * output.view.found.output.cost
 
 
 @pytest.mark.parametrize(
@@ -149,15 +149,15 @@ def test_reversal_and_list_are_found_with_an_unknown_law(
     record(tmp_path, cycle, position, current + inertia * np.gradient(velocity, cycle))
     keys = f"reversal = true\nrated_current = 12000\ntorque_unit = 0.001\nlevel = 1.0\n{line}"
     found = run(tmp_path, cycle, keys)
-    assert found.identified.reversal is not None
+    assert found.view.found.reversal is not None
     assert (
-        found.identified.reversal.lookahead,
-        found.identified.reversal.delay_cycles,
+        found.view.found.reversal.lookahead,
+        found.view.found.reversal.delay_cycles,
     ) == (2, 3)
     # The knots of the fit are not those of the truth.
-    assert found.identified.reversal.position_delay == pytest.approx(0.008, rel=0.01)
-    assert found.knots is not None
+    assert found.view.found.reversal.position_delay == pytest.approx(0.008, rel=0.01)
+    assert found.view.knots is not None
     speed = np.array([0.5, 3.0, 20.0, 50.0, 100.0])
     # A unit of out is 12; the corner at 50 mm/s falls between knots of the fit.
-    listed = found.knots.current(speed)
+    listed = found.view.knots.current(speed)
     np.testing.assert_allclose(listed, np.interp(speed, knots, out), atol=24.0)

@@ -76,8 +76,10 @@ def found(
 
 def off(fit: FrictionResult, law: Law, speeds: tuple[float, ...]) -> np.ndarray:
     """Return by which share the list is off at some speeds."""
-    assert fit.curve is not None
-    told = np.interp(speeds, fit.curve.speed, fit.curve.currents[:2].mean(axis=0))
+    assert fit.view.curve is not None
+    told = np.interp(
+        speeds, fit.view.curve.speed, fit.view.curve.currents[:2].mean(axis=0)
+    )
     return told / law(np.array(speeds)) - 1.0
 
 
