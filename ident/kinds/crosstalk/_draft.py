@@ -60,25 +60,21 @@ class CrosstalkDraft(AbstractDraft):
         return self.found.effect.adaptation
 
     @functools.cached_property
-    def list_model(self) -> Crosstalk | None:
-        """The list as the controller runs it, without a filter; None: nothing is written."""
-        if not (self.found.significant and self.found.complete.any()):
+    def model(self) -> Crosstalk | None:
+        """The list that is written as the controller runs it; None: nothing is written."""
+        found, cycles, model = self.found, self.fit.n_cycles, None
+        if found.significant and found.complete.any():
+            model = found.compensation()
+        if model is None:
             return None
-        return self.found.compensation(self.plan.acting)
+        if cycles is None:
+            listing, entry = self.lists.compensation, f"{self.kind.prefix}.n_cycles"
+            cycles = spread_over(self.job, _steps(model)[2], listing, entry)
+        return dataclasses.replace(model, cycles=cycles)
 
     @property
     def written(self) -> bool:
-        return self.list_model is not None
-
-    @functools.cached_property
-    def model(self) -> Crosstalk:
-        """The list that is written as the controller runs it."""
-        model, cycles = self.list_model, self.fit.n_cycles
-        assert model is not None  # it is written
-        if cycles is None:
-            listing, entry = self.lists.compensation, f"{self.kind.prefix}.n_cycles"
-            cycles = spread_over(self.job, self._jump, listing, entry)
-        return dataclasses.replace(model, cycles=cycles)
+        return self.model is not None
 
     @property
     def converged(self) -> bool:
@@ -86,40 +82,20 @@ class CrosstalkDraft(AbstractDraft):
 
     @property
     def needs(self) -> str:
-        masters = self.masters
-        if not masters:
+        if not self.masters:
             return "Works from start-up on"
-        verb = "is" if len(masters) == 1 else "are"
-        return f"Works once {' and '.join(masters)} {verb} referenced"
+        verb = "is" if len(self.masters) == 1 else "are"
+        return f"Works once {' and '.join(self.masters)} {verb} referenced"
 
     @property
     def _masters(self) -> tuple[int, ...]:
         """Numbers of the axes that it acts over, the accelerating one first."""
-        names = (self.fit.master, *self.masters)
-        return tuple(self.job.spec.axes[name].number for name in names)
+        axes = self.job.spec.axes
+        return tuple(axes[name].number for name in self.found.effect.masters)
 
     def entries(self) -> dict[str, Value]:
+        assert self.model is not None  # it is written
         return {**entries_of_crosstalk(self.model, self._masters), **self.manual_entry}
-
-    @functools.cached_property
-    def _full(self) -> Float[np.ndarray, "4 p"]:
-        """What the list adds at full acceleration at each test in mm, rows as `BRANCHES`."""
-        assert self.list_model is not None  # it is written
-        return full_offsets(self.list_model, self.list_model)
-
-    @functools.cached_property
-    def _turns(self) -> Float[np.ndarray, "2 p"]:
-        """How far that jumps in mm where the master turns under full acceleration."""
-        assert self.list_model is not None  # it is written
-        # A turn keeps the sign of the acceleration and changes the direction.
-        after = [3, 1] if self.list_model.by_speed else [1, 3]
-        return np.asarray(np.abs(self._full[[0, 2]] - self._full[after]))
-
-    @property
-    def _jump(self) -> float:
-        """The largest jump in mm when the acceleration of the master steps at will."""
-        sizes = self._full, self._full[:2] - self._full[2:], self._turns
-        return max(float(np.abs(size).max(initial=0.0)) for size in sizes)
 
     @property
     def foreseen(self) -> Foreseen:
@@ -139,7 +115,9 @@ class CrosstalkDraft(AbstractDraft):
 
     def gate(self, cycles: int | None) -> tuple[GateCheck, ...]:
         model, limits = self.model, self.job.spec.gate
-        points, sizes = np.asarray(model.surface.points), np.abs(self._full)
+        assert model is not None  # it is written
+        full, turns, jump = _steps(model)
+        points, sizes = np.asarray(model.surface.points), np.abs(full)
 
         def at(test: int) -> str:
             pairs = zip(self.masters, points[test], strict=True)
@@ -148,18 +126,18 @@ class CrosstalkDraft(AbstractDraft):
 
         row, test = np.unravel_index(sizes.argmax(), sizes.shape)
         turn = "where the master turns under full acceleration"
-        turn += at(int(self._turns.max(axis=0).argmax()))
+        turn += at(int(turns.max(axis=0).argmax()))
         cycle_time = self.job.spec.controller.cycle_time
-        fast, hard = reversal_dynamics(self._jump, model.cycles, cycle_time)
+        fast, hard = reversal_dynamics(jump, model.cycles, cycle_time)
         step = f"if the acceleration of the master steps, spread over {model.cycles} cycles"
         lines = [
             ("max_correction", sizes.max(), "mm", f"{SHORT[row]}{at(int(test))}"),
-            ("max_reversal", self._turns.max(), "mm", turn),
+            ("max_reversal", turns.max(), "mm", turn),
             ("max_velocity", fast, "mm/s", step),
             ("max_acceleration", hard, "mm/s²", step),
         ]
         if self.masters:
-            steepest, along = max(self._slopes(points))
+            steepest, along = max(self._slopes(model))
             where, feed = f"along {along} under full acceleration", limits.feed / 60.0
             lines += [
                 ("max_slope", 1e3 * steepest, "µm/mm", where),
@@ -167,7 +145,7 @@ class CrosstalkDraft(AbstractDraft):
             ]
         old = self.plan.old if self.plan.masters == self._masters else None
         if limits.max_change is not None and old is not None:
-            change = np.abs(self._full - full_offsets(old, model)).max()
+            change = np.abs(full - full_offsets(old, model)).max()
             lines.append(
                 ("max_change", change, "mm", "against the list that was there")
             )
@@ -180,11 +158,12 @@ class CrosstalkDraft(AbstractDraft):
             ),
         )
 
-    def _slopes(self, points: Float[np.ndarray, "p k"]) -> Iterator[tuple[float, str]]:
+    def _slopes(self, model: Crosstalk) -> Iterator[tuple[float, str]]:
         """Yield the steepest slope under full acceleration along each adaptation axis."""
+        points = np.asarray(model.surface.points)
         lines = np.linspace(points.min(axis=0), points.max(axis=0), _STEPS + 1)
         grid = _places(lines)
-        four = full_offsets(self.model, self.model, grid.reshape(-1, grid.shape[-1]))
+        four = full_offsets(model, model, grid.reshape(-1, grid.shape[-1]))
         four = four.reshape(4, *grid.shape[:-1])
         steps = zip(self.masters, lines[1] - lines[0], strict=True)
         for axis, (name, step) in enumerate(steps, start=1):
@@ -202,8 +181,8 @@ class CrosstalkDraft(AbstractDraft):
             error=staged(before, predicted, residual, wild),
             remarks=tuple(remarks_of(self, done.gates[self.index])),
             held_out="event",
-            model=self.model if self.written else None,
-            written=fit.kept(self.plan.acting) & self.written,
+            model=self.model,
+            written=fit.kept & self.written,
             coverage=self.coverage,
             fit=fit,
             from_file=residual,
@@ -213,20 +192,18 @@ class CrosstalkDraft(AbstractDraft):
     def _left_by(
         self, model: Crosstalk | LegacyCrosstalk | None
     ) -> Float[np.ndarray, " n"]:
-        """Return what a list leaves of each event in mm, cut out of the log once more."""
-        log, form = self.log, self.found.effect
-        error = {self.axis: log.error[self.axis] + self._added_to_log(model)}
-        return cut_events(dataclasses.replace(log, error=error), form).value
+        """Return what a list leaves of each event in mm, cut out of the log once more.
 
-    def _added_to_log(
-        self, model: Crosstalk | LegacyCrosstalk | None
-    ) -> Float[np.ndarray, " t"]:
-        """Return what a list adds in each row beyond what acted already, in mm."""
-        log, form, active = self.log, self.found.effect, self.plan.acting
-        if model is None:
-            return np.zeros(len(log))
-        added = added_by(model, log, form)
-        return added if active is None else added - added_by(active, log, form)
+        What acted already is in the log.
+        """
+        log, form, acting = self.log, self.found.effect, self.found.active
+        error = log.error[self.axis]
+        if model is not None:
+            error = error + added_by(model, log, form)
+            if acting is not None:
+                error = error - added_by(acting, log, form)
+        log = dataclasses.replace(log, error={self.axis: error})
+        return cut_events(log, form).value
 
     @functools.cached_property
     def coverage(self) -> float:
@@ -239,11 +216,25 @@ class CrosstalkDraft(AbstractDraft):
             place = self.log.position[name]
             limits = self.job.spec.axes[name].limits
             spans.append(limits or [float(place.min()), float(place.max())])
-        if not spans or not self.written:
+        if not spans or self.model is None:
             return float(self.written)
         low, high = np.array(spans, dtype=float).T
         places = _places(np.linspace(low, high, _RESOLUTION)).reshape(-1, len(spans))
         return float(np.mean(np.asarray(self.model.covers(places))))
+
+
+def _steps(
+    model: Crosstalk,
+) -> tuple[Float[np.ndarray, "4 p"], Float[np.ndarray, "2 p"], float]:
+    """Return in mm what a list adds at each test, its jumps at turns, and the largest jump.
+
+    Under full acceleration, rows as `BRANCHES`. Where the master turns the sign of the
+    acceleration stays; the largest jump is that where the acceleration steps at will.
+    """
+    full = full_offsets(model, model)
+    turns = np.abs(full[[0, 2]] - full[[3, 1] if model.by_speed else [1, 3]])
+    sizes = full, full[:2] - full[2:], turns
+    return full, turns, max(float(np.abs(size).max(initial=0.0)) for size in sizes)
 
 
 def _places(lines: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "..."]:

@@ -105,6 +105,12 @@ def added_by(
     return np.asarray(model.offset(*motion))
 
 
+def gone_by(data: JointData, form: Crosstalk) -> Float[np.ndarray, " t"]:
+    """Return how far the master has gone in each row, in mm."""
+    speed = np.nan_to_num(data.velocity[form.master])
+    return np.cumsum(speed * np.gradient(data.clock_for(form.name)))
+
+
 def logs_of(data: JointData) -> Int[np.ndarray, " t"]:
     """Return the number of the log that each row belongs to: no event sees another log."""
     zeros = np.zeros(len(data), dtype=np.int64)
@@ -168,18 +174,21 @@ def specified(
         FitError: If the master never accelerates so.
     """
 
-    def reached(sign: float, word: str) -> float:
+    def reached(sign: float, words: str) -> float:
         values = sign * measured
-        top = float(values.max())
+        top = float(values.max(initial=0.0))
         if not top > 0:
-            msg = f"the master shows no {word} at all, expected events of both signs."
+            msg = (
+                f"the master never {words} in these readings, expected accelerations of both"
+                " signs."
+            )
             raise FitError(msg)
         # What the master reaches again and again; a list has integers.
         return sign * math.ceil(float(np.median(values[values > 0.5 * top])))
 
     return (
-        reached(1.0, "acceleration") if acceleration is None else acceleration,
-        reached(-1.0, "deceleration") if deceleration is None else deceleration,
+        reached(1.0, "speeds up") if acceleration is None else acceleration,
+        reached(-1.0, "slows down") if deceleration is None else deceleration,
     )
 
 
@@ -355,10 +364,8 @@ def _lobes(
         log: Number of the log.
         events: First row and row after the last, in their order.
     """
-    top = np.zeros(len(share))
-    for start, stop in _stretches(label, log):
-        if label[start] >= 0:
-            top[start:stop] = share[start:stop].max()
+    starts, stops = np.transpose(_stretches(label, log))
+    top = np.repeat(np.maximum.reduceat(share, starts), stops - starts) * (label >= 0)
     # An event reaches as far as half of its length, and half of the way to the next one.
     edges = np.array([0, *np.ravel(events), len(share)]).reshape(-1, 2)
     halves = (edges[:, 1] - edges[:, 0] + 1) // 2
@@ -523,7 +530,7 @@ def without_jump(data: JointData, form: Crosstalk) -> tuple[JointData, float]:
     """
     time, error = data.clock_for(form.name), data.error[form.axis]
     speed = np.nan_to_num(data.velocity[form.master])
-    place, log = np.cumsum(speed * np.gradient(time)), logs_of(data)
+    place, log = gone_by(data, form), logs_of(data)
     way = travel_direction(place).astype(float)
     # Whence it came before that nobody recorded.
     moved = np.abs(speed) > _STANDS * float(np.abs(speed).max(initial=0.0))
@@ -564,17 +571,18 @@ def without_jump(data: JointData, form: Crosstalk) -> tuple[JointData, float]:
 
 
 def from_place(
-    data: JointData,
-    form: Crosstalk,
-    events: Events,
-    place: Float[np.ndarray, " t"],
+    data: JointData, form: Crosstalk, events: Events
 ) -> tuple[float, Float[np.ndarray, " n"]]:
     """Return the slope of the error over the master, and what of each event is its doing, in mm.
 
     The slope is that of the readings in which the master does not accelerate, beside a drift;
-    0 where it is no large part of what changes there. The place is how far the master has gone.
+    0 where it is no large part of what changes there.
     """
-    time, error = data.clock_for(form.name), data.error[form.axis]
+    place, time, error = (
+        gone_by(data, form),
+        data.clock_for(form.name),
+        data.error[form.axis],
+    )
     rest = (_shares_of(data, form)[1] < 0) & np.isfinite(error)
     nothing = 0.0, np.zeros(len(events))
     if rest.sum() < _ROWS * len(events):

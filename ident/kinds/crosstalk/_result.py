@@ -13,7 +13,7 @@ from ....models import Crosstalk
 from ...job.result._result import AbstractResult, Remark
 from ...proof import GateCheck
 from . import BRANCHES
-from ._events import count_cut, from_place, logs_of, without_level
+from ._events import count_cut, from_place, gone_by, logs_of, without_level
 from ._tests import LEAST_SPAN
 from .effect import CrosstalkFit
 
@@ -81,11 +81,6 @@ class CrosstalkResult(AbstractResult):
         return self.fit.support[:, self.written]
 
     @property
-    def master(self) -> str:
-        """Axis that accelerates."""
-        return self.fit.effect.master
-
-    @property
     def adaptation(self) -> tuple[str, ...]:
         """Axes on whose positions it depends."""
         return self.fit.effect.adaptation
@@ -93,11 +88,11 @@ class CrosstalkResult(AbstractResult):
     @property
     def over(self) -> tuple[str, ...]:
         """Axes over whose motion it acts."""
-        return (self.master, *self.adaptation)
+        return self.fit.effect.masters
 
     def details(self) -> dict[str, Any]:
         """Return parameters, deviations and support for result.json."""
-        fit, events = self.fit, self.fit.events
+        fit, form, events = self.fit, self.fit.effect, self.fit.events
         names = [name.replace(" ", "_") for name in BRANCHES]
         columns = {
             "time": self.time,
@@ -111,13 +106,13 @@ class CrosstalkResult(AbstractResult):
             "wild": events.wild,
         }
         return {
-            "master": self.master,
+            "master": form.master,
             "adaptation": list(self.adaptation),
             "parameters": {
-                "mode": fit.effect.mode,
-                "acceleration": fit.rates[0],
-                "deceleration": fit.rates[1],
-                "velocity_dependent": fit.effect.velocity_dependent,
+                "mode": form.mode,
+                "acceleration": float(form.acceleration),
+                "deceleration": float(form.deceleration),
+                "velocity_dependent": form.velocity_dependent,
                 "n_cycles": 0 if self.model is None else self.model.cycles,
                 "positions": self.points,
                 "table": dict(zip(names, self.entries, strict=True)),
@@ -127,7 +122,7 @@ class CrosstalkResult(AbstractResult):
             },
             "support": dict(zip(names, self.support, strict=True)),
             "measured": {
-                "positions": fit.effect.points,
+                "positions": form.points,
                 "error": dict(zip(names, fit.values, strict=True)),
                 "complete": fit.complete,
             },
@@ -145,7 +140,7 @@ def remarks_of(draft: "CrosstalkDraft", gate: Sequence[GateCheck]) -> Iterator[R
     yield from draft.remarks
     yield from _of_the_events(draft)
     yield from _of_the_adaptation(draft)
-    yield from _of_missing_tests(draft.found)
+    yield from _of_the_tests(draft.found, draft.written)
     master = draft.fit.master
     if any(check.name == "from_file" and not check.passed for check in gate):
         yield Remark.error(
@@ -154,14 +149,10 @@ def remarks_of(draft: "CrosstalkDraft", gate: Sequence[GateCheck]) -> Iterator[R
             f" {master} rest or cruise between any two accelerations, as long as each of them"
             " lasts, and record faster."
         )
-    if draft.written:
-        yield from _of_the_list(draft)
-    else:
-        yield from _why_nothing(draft.found)
-    log = draft.log
-    speed = np.nan_to_num(log.velocity[master])
-    gone = np.cumsum(speed * np.gradient(log.clock_for(draft.fit.name)))
-    if signs_at_one_place(log.acceleration[master], gone) == 2:
+    if draft.model is not None:
+        yield from _of_the_list(draft, draft.model.cycles)
+    log, form = draft.log, draft.found.effect
+    if signs_at_one_place(log.acceleration[master], gone_by(log, form)) == 2:
         yield Remark.warning(
             f"All strokes of {master} begin and end at the same places: what else the error of"
             f" {draft.axis} does there, over the position of {master} or at its reversals, counts"
@@ -169,7 +160,7 @@ def remarks_of(draft: "CrosstalkDraft", gate: Sequence[GateCheck]) -> Iterator[R
             " lengths."
         )
     yield from _of_the_logs(draft)
-    slope, made = from_place(log, draft.found.effect, draft.found.events, gone)
+    slope, made = from_place(log, form, draft.found.events)
     size = float(np.sqrt(np.mean(np.square(made))))
     whole = float(np.sqrt(np.mean(np.square(draft.found.events.value))))
     if size > _OF_PLACE * whole:
@@ -190,9 +181,9 @@ def remarks_of(draft: "CrosstalkDraft", gate: Sequence[GateCheck]) -> Iterator[R
         yield Remark.info(f"The old crosstalk was {words}")
 
 
-def _of_the_list(draft: "CrosstalkDraft") -> Iterator[Remark]:
+def _of_the_list(draft: "CrosstalkDraft", cycles: int) -> Iterator[Remark]:
     """Return what must be known of the list that is written."""
-    axis, master, cycles = draft.axis, draft.fit.master, draft.model.cycles
+    axis, master = draft.axis, draft.fit.master
     if draft.coverage < _COVERED:
         axes = " and ".join(draft.masters)
         yield Remark.warning(
@@ -232,9 +223,10 @@ def _of_the_events(draft: "CrosstalkDraft") -> Iterator[Remark]:
         say = Remark.warning if untold > _FEW * total else Remark.info
         yield say(words)
     if wild := int(events.wild.sum()):
-        words = "events contradict" if wild > 1 else "event contradicts"
-        left_out = f"{'were' if wild > 1 else 'was'} left out."
-        yield Remark.warning(f"{wild} {words} the others and {left_out}")
+        words = (
+            f"Events that contradict the others were left out: {wild} of {len(events)}."
+        )
+        yield Remark.warning(words)
     if events.left_out.any():
         words = f"{events.left_out.sum()} readings in and beside"
         yield Remark.info(
@@ -249,17 +241,17 @@ def _of_the_events(draft: "CrosstalkDraft") -> Iterator[Remark]:
             " an instrument is. If it is the machine that follows late, the correction"
             " will come too early by as much."
         )
-    excess = float(np.max(np.abs(events.peak) / draft.found.full))
     if draft.taken.min() < _HELD:
-        up, down = draft.found.rates
+        excess = float(np.max(np.abs(events.peak) / draft.found.full))
         name, measured = "the specified acceleration", ""
         if None in (draft.fit.acceleration, draft.fit.deceleration):
             name = "what it mostly reaches here"
             measured = ", and record faster if they last a few samples only"
         yield Remark.warning(
-            f"{master} accelerates up to {excess:.0%} of {name} ({up:g} and {down:g}"
-            " mm/s²). Above it the controller is taken to hold the correction (S-36):"
-            f" state the largest one as acceleration and deceleration in the job{measured}."
+            f"{master} accelerates up to {excess:.0%} of {name} ({form.acceleration:g} and"
+            f" {form.deceleration:g} mm/s²). Above it the controller is taken to hold the"
+            " correction (S-36): state the largest one as acceleration and deceleration in"
+            f" the job{measured}."
         )
 
 
@@ -311,18 +303,15 @@ def _of_the_adaptation(draft: "CrosstalkDraft") -> Iterator[Remark]:
             )
 
 
-def _of_missing_tests(fit: CrosstalkFit) -> Iterator[Remark]:
-    """Return which entries are not known, and what is not written for that."""
-    missing = np.isnan(fit.values)
+def _of_the_tests(fit: CrosstalkFit, written: bool) -> Iterator[Remark]:
+    """Return which entries are not known, and why no test is written where none is."""
+    missing, form = np.isnan(fit.values), fit.effect
     empty = [BRANCHES[k] for k in np.flatnonzero(missing.all(axis=1))]
     if empty:
-        remedy = (
-            f"Measure {fit.effect.master} with acceleration and deceleration in both"
-            " directions."
-        )
+        remedy = f"Measure {form.master} with acceleration and deceleration in both directions."
         if len(np.unique(fit.events.branch)) == len(BRANCHES):
             remedy = (
-                f"There are more tests than places of {' and '.join(fit.effect.adaptation)} where"
+                f"There are more tests than places of {' and '.join(form.adaptation)} where"
                 " it accelerated: leave positions out, or state those places."
             )
         yield Remark.error(
@@ -330,24 +319,19 @@ def _of_missing_tests(fit: CrosstalkFit) -> Iterator[Remark]:
             " written all four or not at all, since a missing one would be 0 in the"
             f" controller, so no test can be written. {remedy}"
         )
-        return
-    for number in np.flatnonzero(missing.any(axis=0)):
-        place = ", ".join(f"{value:g}" for value in fit.effect.points[number])
+    for number in () if empty else np.flatnonzero(missing.any(axis=0)):
+        place = ", ".join(f"{value:g}" for value in form.points[number])
         names = [BRANCHES[k] for k in np.flatnonzero(missing[:, number])]
         yield Remark.error(
             f"The test at ({place}) mm is left out: no event for {' and '.join(names)}."
         )
-
-
-def _why_nothing(fit: CrosstalkFit) -> Iterator[Remark]:
-    if not np.isfinite(fit.values).any():
-        return  # said with the missing tests
+    if written or missing.all():
+        return
     if not fit.significant:
-        largest = 1e3 * float(np.nanmax(np.abs(fit.values), initial=0.0))
+        largest = 1e3 * float(np.nanmax(np.abs(fit.values)))
         yield Remark.warning(
-            f"No crosstalk from {fit.effect.master} shows: no value exceeds what chance"
-            f" over all of them would give (the largest is {largest:.2f} µm). Nothing is"
-            " written."
+            f"No crosstalk from {form.master} shows: no value exceeds what chance over all of"
+            f" them would give (the largest is {largest:.2f} µm). Nothing is written."
         )
     elif fit.complete.any():
         yield Remark.error(

@@ -123,13 +123,13 @@ def choose_tests(
             "axes that it needs."
         )
         raise FitError(msg)
-    designs = [columns_of(events.positions, *each) for each in candidates]
+    pairs = [(each, columns_of(events.positions, *each)) for each in candidates]
     # A test that the events do not determine has no value; where all grids have one, it is
     # left out.
-    pairs = [*zip(candidates, designs, strict=True)]
-    ranks = [np.linalg.matrix_rank(design, _DETERMINED) for design in designs]
     whole = [
-        one for one, rank in zip(pairs, ranks, strict=True) if rank == one[1].shape[1]
+        (each, design)
+        for each, design in pairs
+        if np.linalg.matrix_rank(design, _DETERMINED) == design.shape[1]
     ]
     pairs = whole or pairs
     sizes = [design.shape[1] for _, design in pairs]

@@ -45,6 +45,7 @@ class CrosstalkFit:
         events: All that were cut out; their positions are those of the adaptation axes.
         predicted: What values fitted to other events leave of each, in mm.
         converged: Whether the robust passes converged.
+        active: The list that was active while measuring, to which this one adds; or None.
     """
 
     effect: Crosstalk
@@ -55,11 +56,7 @@ class CrosstalkFit:
     events: Events
     predicted: Float[np.ndarray, " n"]
     converged: bool
-
-    @property
-    def rates(self) -> tuple[float, float]:
-        """Specified acceleration and deceleration in mm/s²."""
-        return float(self.effect.acceleration), float(self.effect.deceleration)
+    active: models.Crosstalk | None = None
 
     @property
     def complete(self) -> Bool[np.ndarray, " p"]:
@@ -69,7 +66,8 @@ class CrosstalkFit:
     @property
     def full(self) -> Float[np.ndarray, " n"]:
         """Size of the specified acceleration that each event is a part of, in mm/s²."""
-        return np.asarray(np.abs(np.array(self.rates))[self.events.branch // 2])
+        rates = np.array([self.effect.acceleration, -self.effect.deceleration])
+        return np.asarray(rates[self.events.branch // 2])
 
     @property
     def significant(self) -> bool:
@@ -93,30 +91,21 @@ class CrosstalkFit:
         square = float(np.square(difference[finite] / spread[finite]).sum())
         return bool(chdtrc(int(finite.sum()), square) < _CHANCE)
 
-    def kept(self, active: models.Crosstalk | None) -> Bool[np.ndarray, " p"]:
-        """Return which tests are written: all four values measured, or known from before.
-
-        Args:
-            active: The list that was active while measuring: its tests keep what they hold
-                where nothing was measured.
-        """
-        if active is None:
+    @property
+    def kept(self) -> Bool[np.ndarray, " p"]:
+        """Tests that are written: all four values measured, or known from the active list."""
+        if self.active is None:
             return self.complete
-        installed = are_among(self.effect.points, np.asarray(active.surface.points))
-        return np.asarray(self.complete | installed)
+        installed = np.asarray(self.active.surface.points)
+        return np.asarray(self.complete | are_among(self.effect.points, installed))
 
-    def compensation(
-        self, active: models.Crosstalk | None = None
-    ) -> models.Crosstalk | None:
+    def compensation(self) -> models.Crosstalk | None:
         """Return the list that takes this error away, as the controller runs it.
 
         Without a filter, and with values of its own for each direction. None where no test
         is kept, or where those that are span no surface.
-
-        Args:
-            active: The list that was active while measuring, to which this one adds.
         """
-        kept, effect = self.kept(active), self.effect
+        kept, effect, active = self.kept, self.effect, self.active
         if not kept.any():
             return None
         points = effect.points[kept]

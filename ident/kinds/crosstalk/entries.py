@@ -99,10 +99,8 @@ def _tests(listing: ListFile) -> int:
     count = optional(listing, f"{PREFIX}.max_points")
     if not count:
         # The manuals' own example leaves it out: then all tests that stand there (S-40).
-        used: list[dict[Any, int]] = [
-            dict(values_of(listing, PREFIX, name)) for name in VALUES
-        ]
-        count = 1 + max(max(indices, default=-1) for indices in used)
+        used: set[Any] = {k for n in VALUES for k in values_of(listing, PREFIX, n)}
+        count = 1 + max(used, default=-1)
     refuse_huge(count, f"{listing.source}: {PREFIX}.max_points")
     return count
 

@@ -9,7 +9,6 @@ from .._keys import Fault, FitSpec, KeyPath, Positive, not_linear, unknown
 from . import SAFE_TESTS
 
 if TYPE_CHECKING:
-    from ....models import Conventions
     from ...job.file._schema import JobFile
 
 _Place = Annotated[list[float], Field(min_length=1, max_length=2)]
@@ -42,10 +41,6 @@ class Spec(FitSpec, frozen=True):
         if isinstance(self.adaptation, str):
             return (self.adaptation,)
         return tuple(self.adaptation or ())
-
-    def mover(self, rules: "Conventions") -> str:
-        """Return the axis whose direction of motion counts in the controller."""
-        return self.axis if rules.crosstalk_velocity == "slave" else self.master
 
     def faults(self, job: "JobFile", where: KeyPath) -> Iterator[Fault]:
         pairs = [("master", self.master)]

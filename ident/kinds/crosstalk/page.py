@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 
 from ...report import _style as style
 from ...report._body import Body, Plot
-from ...report._scale import Scale, count, left_out_words, number, percent, place
+from ...report._scale import Scale, count, left_out_words, number, percent, spot
 from ._result import SHORT, CrosstalkResult
 
 _SIGN = (1, -1, 1, -1)
@@ -31,7 +31,7 @@ def _facts(fit: CrosstalkResult, scale: Scale) -> Iterator[tuple[str, str]]:
         directions = "each direction has entries of its own"
     yield (
         "Law",
-        f"Mode {form.mode}{where}: {fit.axis} is moved when {fit.master} accelerates, in"
+        f"Mode {form.mode}{where}: {fit.axis} is moved when {form.master} accelerates, in"
         f" full at {form.acceleration:g} and {form.deceleration:g} mm/s² and in"
         f" proportion below; {directions}.".replace("-", "−"),
     )
@@ -40,8 +40,7 @@ def _facts(fit: CrosstalkResult, scale: Scale) -> Iterator[tuple[str, str]]:
     )
     numbers = fit.entries, fit.standard_deviation, fit.support
     for k, point in enumerate(fit.points):
-        pairs = zip(fit.adaptation, map(place, point), strict=True)
-        where = ", ".join(f"{name} = {value}" for name, value in pairs)
+        where = spot(fit.adaptation, point, ("mm",) * len(point))
         rows = zip(names, *(column[:, k] for column in numbers), strict=True)
         parts = [
             f"{name} {number(entry * scale.factor, signed=True)} ± {scale.shown(sd)}"
@@ -49,8 +48,7 @@ def _facts(fit: CrosstalkResult, scale: Scale) -> Iterator[tuple[str, str]]:
             for name, entry, sd, support in rows
             if name  # what both directions share rests on the events of both
         ]
-        where = f" at {where} mm" if where else ""
-        yield (f"Test {k + 1}{where}", "; ".join(parts) + ".")
+        yield (f"Test {k + 1}" + f" at {where}" * bool(where), "; ".join(parts) + ".")
     noise = crosstalk.noise[np.isfinite(crosstalk.noise)]
     if noise.size:
         yield (
@@ -64,8 +62,8 @@ def _facts(fit: CrosstalkResult, scale: Scale) -> Iterator[tuple[str, str]]:
 
 def _events_plot(fit: CrosstalkResult, scale: Scale) -> Plot:
     """Draw the error that each event shows over its acceleration, before and after."""
-    crosstalk, events = fit.fit, fit.fit.events
-    x_label = f"acceleration of {fit.master} in mm/s²"
+    crosstalk, form, events = fit.fit, fit.fit.effect, fit.fit.events
+    x_label = f"acceleration of {form.master} in mm/s²"
     y_label = f"error of {fit.axis} in {scale.error}"
     figure, panels = style.side_by_side(
         3.2, ("before", "from the file"), x_label, y_label
@@ -83,7 +81,7 @@ def _events_plot(fit: CrosstalkResult, scale: Scale) -> Plot:
     panels[0].legend(loc="best")
     before, after = (fit.error[key].sound.rms for key in ("before", "from_file"))
     caption = (
-        f"Each mark is one acceleration of {fit.master} (right of 0) or deceleration"
+        f"Each mark is one acceleration of {form.master} (right of 0) or deceleration"
         f" (left): the error of {fit.axis} at its peak."
     )
     if not len(fit.points):

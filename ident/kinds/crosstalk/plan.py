@@ -136,8 +136,9 @@ class CrosstalkPlan(AbstractPlan):
         fit, points = self.fit, self._tests
         mode: int | str = fit.mode if points is None else 1 + points.shape[1]
         if fit.mode not in ("auto", mode):
-            words = f"found {fit.mode}, expected {mode} as the tests that are given"
-            msg = f"mode: {words}."
+            msg = (
+                f"mode: found {fit.mode}, expected {mode} as the tests that are given."
+            )
             raise FitError(msg)
         directed = fit.velocity_dependent
         return {
@@ -184,7 +185,8 @@ class CrosstalkPlan(AbstractPlan):
             names = form.adaptation
             directed = {"velocity_dependent": form.velocity_dependent}
             options = {**options, "positions": form.points, **directed}
-        return fit_crosstalk(cut_events(log, form, names), form, names, **options)
+        found = fit_crosstalk(cut_events(log, form, names), form, names, **options)
+        return dataclasses.replace(found, active=self.acting)
 
     def fit_single(self, tables: Tables, left: Leftovers) -> CrosstalkDraft:
         recording = read_group(tables, [self])
@@ -196,9 +198,14 @@ class CrosstalkPlan(AbstractPlan):
         if delay or jump:
             fitted = self._found(log)
         remarks = (*recording.remarks, *jump)
-        # What the filter of an active list leaves of an event is no speed.
-        form = fitted.effect
-        whole, aligned = (self._without_list(each, form) for each in (recorded, log))
+        form, acted = fitted.effect, np.zeros(len(log))
+        if self.acting is not None:
+            # What the filter of an active list leaves of an event is no speed.
+            acted = added_by(self.acting, log, form)
+        whole, aligned = (
+            dataclasses.replace(each, error={self.axis: each.error[self.axis] - acted})
+            for each in (recorded, log)
+        )
         if follows_speed(whole, aligned, form):
             words = (
                 f"The error of {self.axis} follows the speed of {self.fit.master} better than"
@@ -222,13 +229,6 @@ class CrosstalkPlan(AbstractPlan):
         )
         return log, (Remark.warning(words),) if jump else ()
 
-    def _without_list(self, log: JointData, form: Crosstalk) -> JointData:
-        """Return a log as it would be without the list that acted, but for its filter."""
-        if self.acting is None:
-            return log
-        error = log.error[self.axis] - added_by(self.acting, log, form)
-        return dataclasses.replace(log, error={self.axis: error})
-
     def draft(self, share: "Share") -> CrosstalkDraft:
         part, form, rows = share.part, share.part.effect, share.rows
         assert isinstance(form, Crosstalk)  # of `effect`
@@ -245,18 +245,17 @@ class CrosstalkPlan(AbstractPlan):
 
     @property
     def inputs(self) -> dict[str, tuple[str, ...]]:
-        driven = (self.fit.master, self.fit.mover(self.job.conventions))
+        by_slave = self.job.conventions.crosstalk_velocity == "slave"
+        driven = (self.fit.master, self.axis if by_slave else self.fit.master)
         return {"position": self.fit.adapts_to, "acceleration": driven}
 
     def unfit(self, recording: "GroupRecording") -> str:
         rate = recording.data.acceleration[self.fit.master]
         finite = np.isfinite(recording.data.error[self.axis]) & np.isfinite(rate)
-        for sign, words in ((1.0, "speeds up"), (-1.0, "slows down")):
-            if not (sign * rate[finite] > 0).any():
-                return (
-                    f"{self.fit.master} never {words} in these readings, expected"
-                    " accelerations of both signs."
-                )
+        try:
+            specified(rate[finite], None, None)
+        except FitError as error:
+            return str(error)
         return ""
 
     def may_be_written(self, part: "Part", fit: "JointFit") -> bool:

@@ -28,27 +28,14 @@ class CrosstalkChannel(AbstractChannel):
     """An offset over the acceleration of another axis."""
 
     def prepare(self) -> None:
-        self.relevant = (
-            "crosstalk_accelerate",
-            "crosstalk_velocity",
-            "crosstalk_above",
-            "filter_delay",
-        )
         law = self.law(self.conventions)
         self.cycles = law.cycles
         dynamic, *places = self.masters
+        undirected = False
         if isinstance(law, Crosstalk):
             points = np.asarray(law.surface.points)
             self.ways = tuple(Way.of(column, ends=False) for column in points.T)
-            if not law.velocity_dependent:
-                self.relevant = (*self.relevant, "crosstalk_undirected")
-            if places:
-                self.relevant = (*self.relevant, "crosstalk_outside")
-            if len(places) == 2:
-                self.relevant = (*self.relevant, "crosstalk_surface")
-        timed = self.motion.cycle is not None
-        if timed and self.motion.has_actual(dynamic, self.axis):
-            self.relevant = (*self.relevant, "crosstalk_input")
+            undirected = not law.velocity_dependent
         axes = sorted(self.motion.positions)
         swaps = [(number, *places) for number in axes if number != dynamic]
         if len(places) == 2:
@@ -66,7 +53,18 @@ class CrosstalkChannel(AbstractChannel):
                 f" follow to {noise:.2g} mm/s² only. Log {name}.velocity and"
                 f" {name}.acceleration as well"
             )
-            self.relevant = tuple(r for r in self.relevant if r != "filter_delay")
+        asked = {
+            "crosstalk_accelerate": True,
+            "crosstalk_velocity": True,
+            "crosstalk_above": True,
+            "filter_delay": not self.coarse,
+            "crosstalk_undirected": undirected,
+            "crosstalk_outside": bool(places),
+            "crosstalk_surface": len(places) == 2,
+            "crosstalk_input": cycle is not None
+            and self.motion.has_actual(dynamic, self.axis),
+        }
+        self.relevant = tuple(name for name, is_asked in asked.items() if is_asked)
 
     def parts(self, change: Change, rows: LogRows) -> Parts:
         purpose = f"for the crosstalk of A{self.axis}"

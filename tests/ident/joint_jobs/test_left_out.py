@@ -159,7 +159,7 @@ def test_accelerations_of_one_sign_leave_the_crosstalk_out_of_a_group(
         "crosstalk", "Y", 'master = "X"\n', "g"
     )
     result = run_job(job(tmp_path, columns, fits), tmp_path / "out")
-    assert "X never slows down in these readings" in left_out(result)["crosstalk"]
+    assert "never slows down in these readings" in left_out(result)["crosstalk"]
     assert (tmp_path / "out" / "achskw2.lis").exists()
 
 
