@@ -92,8 +92,8 @@ def judged(folder: Path, case: Case, name: str, seed: int) -> dict[str, np.ndarr
     assert curve is not None
     # Which part of a constant load is friction that differs by direction is a choice.
     shift = 0.0
-    if found.fit.structure.directional:
-        shift = 0.3 - found.fit.parameters["offset"]
+    if found.view.found.fit.structure.directional:
+        shift = 0.3 - found.view.found.fit.parameters["offset"]
     ahead, back = truth(curve.speed) + shift, truth(-curve.speed) + shift
     share = curve.positive_share
     right = share * ahead - (1.0 - share) * back

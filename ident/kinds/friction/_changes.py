@@ -37,11 +37,8 @@ def changes(samples: DriveSamples, fit: FrictionFit, unit: str) -> Iterator[Rema
     recording: its deviation is that of the jackknife.
     """
     assert samples.position is not None  # of a recording
-    inertia, friction = (
-        fit.parameters.get("inertia", 0.0),
-        fit.friction(samples.velocity),
-    )
-    push = inertia * samples.acceleration
+    inertia = fit.parameters.get("inertia", 0.0)
+    friction, push = fit.friction(samples.velocity), inertia * samples.acceleration
     late = _late(samples, friction + push)
     way = np.sign(samples.velocity) * samples.in_motion
     starts = np.flatnonzero(np.diff(way, prepend=0.0) != 0.0)

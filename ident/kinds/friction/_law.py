@@ -28,11 +28,6 @@ _POINTS = 200
 _BINS = 60
 _ENOUGH = 0.05
 """Samples at a speed, as a share of the mean, at which a direction counts half."""
-RATED = {"A": "rated_current", "Nm": "rated_torque", "N": "rated_torque"}
-"""Key of the job that says what the rated value is, by unit of the recording."""
-FIRST_LEVEL = 0.15
-"""Share of the friction that a list gives until the sign of its current is settled: one of
-full size with the wrong sign shakes the machine."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -125,14 +120,6 @@ def _reversal(
         )
         remarks.append(Remark.warning(words))
     return reversal, remarks
-
-
-def out_unit(spec: Spec, unit: str) -> float | None:
-    """Return what one unit of ``out`` is in the unit of the recording; None: nobody says."""
-    if spec.torque_unit is None or unit == "raw":
-        return None if spec.torque_unit is None else 1.0
-    rated = 100.0 if unit == "%" else getattr(spec, RATED.get(unit, ""), None)
-    return None if rated is None else float(rated) * spec.torque_unit
 
 
 @dataclasses.dataclass(frozen=True)

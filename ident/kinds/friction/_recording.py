@@ -222,8 +222,6 @@ def _creeping(motion: Motion, measured: Measurement, axis: str) -> Motion:
     speed, certain = np.abs(slow.velocity), 5.0 * slow.velocity_noise
     kept = slow.settled & motion.settled & (speed > certain) & (change < _KEPT * speed)
     kept &= speed < _UNSURE * np.asarray(motion.velocity_noise)
-    if not kept.any():
-        return motion
     return dataclasses.replace(
         motion,
         velocity=np.where(kept, slow.velocity, motion.velocity),

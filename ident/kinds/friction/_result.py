@@ -153,21 +153,6 @@ class FrictionResult(AbstractResult):
     circle: CircularTest | None
 
     @property
-    def fit(self) -> FrictionFit:
-        """What the list follows; see `Identified`."""
-        return self.view.found.fit
-
-    @property
-    def law(self) -> FrictionFit:
-        """The law in words that predicts best; see `Identified`."""
-        return self.view.found.law
-
-    @property
-    def length_unit(self) -> str:
-        """``"mm"``, or ``"°"`` for a rotary axis."""
-        return self.view.samples.unit
-
-    @property
     def entry_deviations(self) -> Float[np.ndarray, " k"]:
         """Standard deviations of the entries, in the unit of the current.
 
@@ -203,7 +188,8 @@ class FrictionResult(AbstractResult):
 
     def details(self) -> dict[str, Any]:
         """Return parameters, deviations and support for result.json."""
-        view, result, law, fit = self.view, self.view.found, self.law, self.fit
+        view, result = self.view, self.view.found
+        law, fit = result.law, result.fit
         record = _law(law)
         parameters, deviations = record["parameters"], record["standard_deviations"]
         structure = law.structure

@@ -1,8 +1,8 @@
 """Friction compensation: ``frict_comp`` in a list ↔ `FrictionCompensation`."""
 
+import dataclasses
 from typing import final
 
-import equinox as eqx
 import numpy as np
 from jaxtyping import Int
 
@@ -183,10 +183,8 @@ class FrictionEntries(AbstractEntries):
             return model
         if unit.size is not None and isinstance(model.law, FrictionTable):
             scaling = model.law.scaling / unit.size
-            scaled: FrictionCompensation = eqx.tree_at(
-                lambda friction: friction.law.scaling, model, scaling
-            )
-            return scaled
+            law = dataclasses.replace(model.law, scaling=scaling)
+            return dataclasses.replace(model, law=law)
         expected = (
             "currents in units of the list (units={'friction': 'list'}), which are"
             " shares of the rated torque, or what one of them is:"

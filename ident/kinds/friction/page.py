@@ -31,12 +31,13 @@ def body(fit: FrictionResult, scale: Scale) -> Body:
 
 
 def _facts(fit: FrictionResult, scale: Scale) -> Iterator[tuple[str, str]]:
-    law, view, found, per = fit.law, fit.view, fit.view.found, fit.length_unit
+    view, found, per = fit.view, fit.view.found, fit.view.samples.unit
+    law, chosen = found.law, found.fit
     yield ("Law", _law(fit, scale))
-    if fit.fit.structure != law.structure:
+    if chosen.structure != law.structure:
         yield (
             "The list follows",
-            f"A {fit.fit.structure.words}, which predicts better than this law: its"
+            f"A {chosen.structure.words}, which predicts better than this law: its"
             " shape is taken from the recording itself.",
         )
     yield (
@@ -72,7 +73,7 @@ def _facts(fit: FrictionResult, scale: Scale) -> Iterator[tuple[str, str]]:
 
 
 def _law(fit: FrictionResult, scale: Scale) -> str:
-    law, per, parts = fit.law, fit.length_unit, []
+    law, per, parts = fit.view.found.law, fit.view.samples.unit, []
     units = {"inertia": f"{scale.error}/({per}/s²)", "stribeck_velocity": f"{per}/s"}
     units["stribeck_shape"] = ""
     for name, value in law.parameters.items():
@@ -104,16 +105,15 @@ def _binned(
 
     Wild samples hardly move them; bins of too few samples are left out.
     """
-    rows = []
-    if x.size >= _FEW:
-        edges = np.unique(np.quantile(x, np.linspace(0, 1, bins + 1)))
-        index = np.searchsorted(edges[1:-1], x, "right")
-        for k in range(max(len(edges) - 1, 0)):
-            inside = values[index == k]
-            if inside.size >= _FEW:
-                middle = float(np.median(inside))
-                spread = 1.4826 * float(np.median(np.abs(inside - middle)))
-                rows.append((float(np.median(x[index == k])), middle, spread))
+    if x.size < _FEW:
+        return np.zeros((3, 0))
+    edges = np.unique(np.quantile(x, np.linspace(0, 1, bins + 1)))
+    index, rows = np.searchsorted(edges[1:-1], x, "right"), []
+    for inside in (index == k for k in range(len(edges) - 1)):
+        if np.count_nonzero(inside) >= _FEW:
+            middle = np.median(values[inside])
+            spread = 1.4826 * np.median(np.abs(values[inside] - middle))
+            rows.append((np.median(x[inside]), middle, spread))
     return np.array(rows).reshape(-1, 3).T
 
 
@@ -133,7 +133,7 @@ def curve_plot(fit: FrictionResult, scale: Scale) -> Plot | None:
     for panel, limit in zip(panels, limits, strict=True):
         _draw(panel, fit, curve, binned, limit)
         panel.set_xlim(-0.02 * limit, 1.02 * limit)
-        panel.set_xlabel(f"speed in {fit.length_unit}/s")
+        panel.set_xlabel(f"speed in {fit.view.samples.unit}/s")
     panels[0].set_ylabel(f"friction in {scale.error}")
     panels[0].set_title("all speeds")
     panels[1].set_title("slow speeds, enlarged")
@@ -186,16 +186,13 @@ def _caption(fit: FrictionResult, curve: LawCurve) -> str:
     slow, fast = place(float(curve.speed[0])), place(float(curve.speed[-1]))
     text = (
         f"Median friction in bins of speed with their scatter, and law and entries with"
-        f" ± 2 standard deviations, from {slow} to {fast} {fit.length_unit}/s: only these speeds"
-        " were driven."
+        f" ± 2 standard deviations, from {slow} to {fast} {fit.view.samples.unit}/s: only these"
+        " speeds were driven."
     )
     if fit.view.knots is None:
         return f"{text} No list is written."
     share = percent(curve.difference)
-    text += " The list is the same for both directions"
-    if curve.difference > 0.02:
-        return f"{text}; they differ by {share} on average, which it cannot say."
-    return f"{text}, whose mean difference is {share}."
+    return f"{text} The list is the same for both directions, whose mean difference is {share}."
 
 
 def residual_plot(fit: FrictionResult, scale: Scale) -> Plot | None:
@@ -216,12 +213,11 @@ def residual_plot(fit: FrictionResult, scale: Scale) -> Plot | None:
     share = 1.0 if fit.view.knots is None else fit.view.level
     beyond = residual - (1.0 / share - 1.0) * view.listed[chosen]
     figure, panels = style.new_figure(2.8, columns=2, sharey=True)
-    unit = fit.length_unit
+    unit = fit.view.samples.unit
     views = {
         f"velocity in {unit}/s": (view.samples.velocity, residual),
         f"position in {unit}": (view.recording.commanded, beyond),
     }
-    medians = []
     for panel, (name, (x, value)) in zip(panels, views.items(), strict=True):
         panel.plot(
             x[chosen], value, linestyle="none", marker=".", markersize=1.6,
@@ -232,10 +228,10 @@ def residual_plot(fit: FrictionResult, scale: Scale) -> Plot | None:
         panel.axhline(0, color=style.INK, linewidth=0.7)
         panel.set_ylim(-limit, limit)
         panel.set_xlabel(name)
-        medians.append(float(np.max(np.abs(middle), initial=0.0)))
     panels[0].set_ylabel(f"remaining in {scale.error}")
     level = float(np.median(np.abs(view.before[rows])))
-    percentage = percent(medians[1] / level) if level else "–"
+    moved = float(np.max(np.abs(middle), initial=0.0))  # over the position
+    percentage = percent(moved / level) if level else "–"
     caption = (
         "Current that lists made of the other windows leave, sample by sample; the line"
         " is the running median. Over the position, where the whole law is taken off, it"
@@ -273,10 +269,7 @@ def circle_plot(fit: FrictionResult) -> Plot | None:
     caption = (
         f"Simulated: circle of {circle.radius:g} mm radius at"
         f" {60 * circle.feed:g} mm/min, deviations magnified {magnified:.0f} times, the"
-        f" other axis perfect, loop {circle.loop}. The spikes fall from"
-        f" {number(without)} µm to {number(with_list)} µm."
+        f" other axis perfect, loop {circle.loop}. The spikes are"
+        f" {number(without)} µm without the list and {number(with_list)} µm with it."
     )
-    if with_list >= without:
-        caption = caption.replace("fall from", "do not fall:")
-        caption = caption.replace("µm to", "µm and")
     return Plot("circle", "Quadrant spikes in a circular test", figure, caption)

@@ -16,14 +16,7 @@ from ...job.result._result import STAGES, Remark
 from ...proof import CircularTest, GateCheck, circular_test, gate_check
 from ...readings import Tables
 from ._changes import changes
-from ._law import (
-    FIRST_LEVEL,
-    RATED,
-    LawCurve,
-    identify,
-    law_curve,
-    out_unit,
-)
+from ._law import LawCurve, identify, law_curve
 from ._recording import read_drive
 from ._result import FrictionResult, FrictionView, choice_sentence, view_of
 from .entries import ENTRIES, entries_of_friction, friction_from_list
@@ -43,6 +36,11 @@ _USUAL, _FASTER = 0.98, 3.0
 """Quantile that is the highest speed of a direction, and how many times that of the other."""
 _COARSE = 0.05
 """Share of the friction by which entries may miss the law before it is said."""
+_RATED = {"A": "rated_current", "Nm": "rated_torque", "N": "rated_torque"}
+"""Key of the job that says what the rated value is, by unit of the recording."""
+_FIRST_LEVEL = 0.15
+"""Share of the friction that a list gives until the sign of its current is settled: one of
+full size with the wrong sign shakes the machine."""
 
 
 def plan(tables: Tables, index: int, fit: Spec) -> "FrictionPlan":
@@ -62,10 +60,10 @@ class FrictionPlan(AbstractPlan):
         recording = read_drive(tables, fit)
         level = fit.level
         if level is None:
-            level = 1.0 if "friction_sign" in job.verified else FIRST_LEVEL
+            level = 1.0 if "friction_sign" in job.verified else _FIRST_LEVEL
         found = identify(recording, fit, job.spec.controller.cycle_time)
         curve, knots = law_curve(found, recording.samples), None
-        unit = out_unit(fit, recording.unit)
+        unit = _out_unit(fit, recording.unit)
         if not recording.unsure and curve is not None and unit is not None:
             knots = place_knots(
                 curve.speed,
@@ -75,11 +73,11 @@ class FrictionPlan(AbstractPlan):
                 unit=unit,
                 reach=float(np.max(np.abs(recording.samples.velocity))),
             )
-            if "monotone" in fit.constraints:  # of its rounded lines as of the law
-                rising = np.maximum.accumulate(knots.out)
-                knots = dataclasses.replace(knots, out=rising)
             # Friction never drives an axis, whatever a law says where little was measured.
-            knots = dataclasses.replace(knots, out=np.maximum(knots.out, 0))
+            out = np.maximum(knots.out, 0)
+            if "monotone" in fit.constraints:  # of its rounded lines as of the law
+                out = np.maximum.accumulate(out)
+            knots = dataclasses.replace(knots, out=out)
         view = view_of(recording, found, curve, knots, level)
         return FrictionDraft(job, self.index, fit, view)
 
@@ -137,32 +135,29 @@ class FrictionDraft(AbstractDraft):
         return self.view.foreseen
 
     def gate(self, cycles: int | None) -> tuple[GateCheck, ...]:
-        knots, level, torque_unit = (
-            self.view.knots,
-            self.view.level,
-            self.fit.torque_unit,
-        )
+        view, knots = self.view, self.view.knots
         assert knots is not None  # it is written
-        assert torque_unit is not None  # else no entry could be
+        assert self.fit.torque_unit is not None  # else no entry could be
         largest = int(np.argmax(np.abs(knots.out)))
-        value = float(abs(knots.out[largest]) * torque_unit)
+        value = float(abs(knots.out[largest]) * self.fit.torque_unit)
         speed = knots.velocity[largest] / 1000.0
-        where = f"at {speed:g} {self.view.samples.unit}/s"
-        more = gate_check("level", level, 1.0, "of the friction", "over all speeds")
+        where = f"at {speed:g} {view.samples.unit}/s"
+        more = gate_check(
+            "level", view.level, 1.0, "of the friction", "over all speeds"
+        )
         return (
             self.job.spec.gate.check("max_current", value, "of rated", where),
-            self.view.gate(),
+            view.gate(),
             *[more] * (not more.passed),
         )
 
     def prove(self, done: "AxisFiles") -> FrictionResult:
         view, listing, circle = self.view, done.compensation, None
-        if listing is not None and view.knots is not None:
+        if listing is not None and (knots := view.knots) is not None:
             model = friction_from_list(listing, self.job.conventions)
             law = model.law.evaluate(view.samples.velocity)
-            listed = view.knots.unit * model.sign * law
-            view = dataclasses.replace(view, listed=listed)
-            circle = self._circle(model, view.knots.unit)
+            view = dataclasses.replace(view, listed=knots.unit * model.sign * law)
+            circle = self._circle(model, knots.unit)
         return FrictionResult(
             **self.frame(done),
             error={stage: view.figures(getattr(view, stage)) for stage in STAGES},
@@ -242,7 +237,7 @@ class FrictionDraft(AbstractDraft):
                 "The job does not state torque_unit: the law is reported, and no list is"
                 " written."
             )
-        missing, other = RATED.get(unit, "a current in A, %, Nm, N or raw"), ""
+        missing, other = _RATED.get(unit, "a current in A, %, Nm, N or raw"), ""
         for key in ("rated_current", "rated_torque"):
             other = f" in place of {key}" if getattr(self.fit, key) else other
         found = f"is in {unit}" if unit else "states no unit"
@@ -312,3 +307,11 @@ class FrictionDraft(AbstractDraft):
                 f" build up; the list goes no further than 1 {small} (position_delay,"
                 " P-COMP-00043)."
             )
+
+
+def _out_unit(spec: Spec, unit: str) -> float | None:
+    """Return what one unit of ``out`` is in the unit of the recording; None: nobody says."""
+    if spec.torque_unit is None or unit == "raw":
+        return None if spec.torque_unit is None else 1.0
+    rated = 100.0 if unit == "%" else getattr(spec, _RATED.get(unit, ""), None)
+    return None if rated is None else float(rated) * spec.torque_unit

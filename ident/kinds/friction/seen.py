@@ -10,7 +10,7 @@ from ....models import Conventions
 from ...diagnosis.probe._probe import Masters, Outcome, Outcomes, ProbeAxis, Probed
 from ...exchange._identity import optional
 from ...exchange._machine_lists import InUse
-from ...exchange._units import ExchangeError
+from ...exchange._units import expect
 from ...proof.verify import AbstractChannel, Change, LogRows, Parts
 from .._protocol import AbstractProbe
 from .entries import PREFIX
@@ -64,12 +64,9 @@ class FrictionProbe(AbstractProbe):
                 kept[entry.name] = value
         scaling = optional(in_use.listing, f"{PREFIX}.scaling_factor")
         low = round(LEVEL * scaling)
-        if not 0.1 <= low / max(scaling, 1) <= 0.2:
-            raise ExchangeError(
-                where=f"{in_use.listing.source}: {PREFIX}.scaling_factor",
-                found=str(scaling),
-                expected="10 or more, of which 10 to 20 % can be written",
-            )
+        where = f"{in_use.listing.source}: {PREFIX}.scaling_factor"
+        words = "10 or more, of which 10 to 20 % can be written"
+        expect(0.1 <= low / max(scaling, 1) <= 0.2, where, scaling, words)
         kept[f"{PREFIX}.scaling_factor"] = low
         return Probed(in_use.axis, in_use.name, in_use.masters, kept=kept)
 

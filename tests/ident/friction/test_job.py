@@ -111,8 +111,8 @@ def test_law_and_load_come_back(done: tuple[Path, JobResult]) -> None:
     found = friction(done[1])
     # 4 standard deviations: two parameters of one seeded draw.
     for name, truth in (("inertia", INERTIA), ("offset", OFFSET)):
-        sd = found.fit.standard_deviations[name]
-        assert abs(found.fit.parameters[name] - truth) <= 4 * sd
+        sd = found.view.found.fit.standard_deviations[name]
+        assert abs(found.view.found.fit.parameters[name] - truth) <= 4 * sd
     assert found.view.curve is not None
     driven = found.view.curve.speed > 1.5
     mean = found.view.curve.currents[:2].mean(axis=0)
@@ -197,7 +197,7 @@ def test_sharp_ramps_at_a_slow_sample_rate_bend_no_law(
     if recorded:
         text = text.replace("[[fits]]", '"X.velocity" = "v"\n[[fits]]')
     job.write_text(text)
-    fit = friction(run_job(job, tmp_path / "out")).fit
+    fit = friction(run_job(job, tmp_path / "out")).view.found.fit
     found, sd = fit.parameters["breakaway"], fit.standard_deviations["breakaway"]
     assert found == pytest.approx(2.0, rel=0.015)
     assert abs(found - 2.0) <= 4.0 * sd
@@ -217,7 +217,7 @@ def test_spikes_of_the_current_move_no_law(
     assert sound.view.curve is not None
     # The filter smeared them over a hundred readings each: 12 % at slow speeds.
     speed = sound.view.curve.speed[sound.view.curve.speed > 1.5]
-    one, other = (each.fit.friction(speed) for each in (found, sound))
+    one, other = (each.view.found.fit.friction(speed) for each in (found, sound))
     assert np.abs(one - other).max() < 0.02
     words = (
         f"{len(rows)} of {len(table)} readings of the current lie far from those beside"
@@ -791,7 +791,7 @@ def test_rotary_axes_are_told_in_degrees_per_second(tmp_path: Path) -> None:
     found = friction(result)
     page = write_report(result, tmp_path / "out")[0].read_text()
     page = re.sub(r"base64,[^\"]+", "", page)
-    assert found.length_unit == "°"
+    assert found.view.samples.unit == "°"
     assert "°/s" in page
     assert "mm/s" not in page
     assert "µm" not in page

@@ -98,7 +98,7 @@ def test_what_is_predicted_follows_the_law_that_output_error_found(
 ) -> None:
     inverse = run(driven, 0.004, WRITTEN)
     velocity, moving = output.view.samples.velocity, output.view.samples.in_motion
-    laws = [each.fit.law for each in (inverse, output)]
+    laws = [each.view.found.fit.law for each in (inverse, output)]
     assert laws[0] is not None
     assert laws[1] is not None
 

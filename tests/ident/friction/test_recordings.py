@@ -110,7 +110,7 @@ def test_times_in_whole_milliseconds_are_those_of_an_even_clock(tmp_path: Path) 
     said = " ".join(remark.message for remark in fit.remarks)
     assert "samples every 2.5 ms: taken as these" in said
     assert np.abs(off(fit, law, speeds)).max() < 0.02
-    assert fit.fit.parameters["inertia"] == pytest.approx(INERTIA, rel=0.01)
+    assert fit.view.found.fit.parameters["inertia"] == pytest.approx(INERTIA, rel=0.01)
 
 
 @pytest.mark.usefixtures("no_drawing")
