@@ -130,10 +130,22 @@ class CrosstalkPlan(AbstractPlan):
     def options(self) -> dict[str, Any]:
         """What the job leaves open of the tests, as options of `fit_crosstalk`.
 
+        The tests stand where the job says, or at those of the active list.
+
         Raises:
-            FitError: If keys contradict each other.
+            FitError: If keys contradict each other, or tests of the active list are lacking.
         """
-        fit, points = self.fit, self._tests
+        fit = self.fit
+        points = None if fit.positions is None else np.array(fit.positions, dtype=float)
+        if self.acting is not None:
+            active = np.asarray(self.acting.surface.points, dtype=float)
+            points = active if points is None else points
+            if not are_among(active, points).all():
+                msg = (
+                    "positions: found others than the tests of the list that was active while"
+                    " measuring, expected those and, if you like, more."
+                )
+                raise FitError(msg)
         mode: int | str = fit.mode if points is None else 1 + points.shape[1]
         if fit.mode not in ("auto", mode):
             msg = (
@@ -148,28 +160,6 @@ class CrosstalkPlan(AbstractPlan):
             "mode": mode,
             "positions": points,
         }
-
-    @property
-    def _tests(self) -> Float[np.ndarray, "p k"] | None:
-        """Where the tests are to stand: at those of the active list, or at more than these.
-
-        Raises:
-            FitError: If the wished ones lack one of these.
-        """
-        wished = self.fit.positions
-        points = None if wished is None else np.array(wished, dtype=float)
-        if self.acting is None:
-            return points
-        active = np.asarray(self.acting.surface.points, dtype=float)
-        if points is None:
-            return active
-        if points.shape[1] == active.shape[1] and are_among(active, points).all():
-            return points
-        msg = (
-            "positions: found others than the tests of the list that was active while"
-            " measuring, expected those and, if you like, more."
-        )
-        raise FitError(msg)
 
     def _found(self, log: JointData, form: Crosstalk | None = None) -> CrosstalkFit:
         """Return the fit to a log of master and slave.
