@@ -183,7 +183,10 @@ def _line(
     if stops.size:
         chosen = np.linspace(0, len(stops) - 1, count).round().astype(int)
         return np.asarray(stops[chosen])
-    return _rounded(np.linspace(column.min(), column.max(), count))
+    places = np.linspace(column.min(), column.max(), count)
+    # Whole steps of about a hundredth of the span can be read aloud.
+    step = 10.0 ** math.floor(math.log10(np.ptp(places) / 50.0))
+    return np.asarray(np.round(places / step) * step)
 
 
 def _places(column: Float[np.ndarray, " n"]) -> Int[np.ndarray, " n"]:
@@ -232,9 +235,3 @@ def _cells(positions: Float[np.ndarray, "n k"]) -> Int[np.ndarray, " n"]:
         parts.append(np.searchsorted(np.unique(edges), column, side="right"))
     _, index = np.unique(np.column_stack(parts), axis=0, return_inverse=True)
     return np.asarray(index.reshape(-1))
-
-
-def _rounded(places: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-    """Return places that can be read aloud: whole steps of about a hundredth of the span."""
-    step = 10.0 ** math.floor(math.log10(np.ptp(places) / 50.0))
-    return np.asarray(np.round(places / step) * step)

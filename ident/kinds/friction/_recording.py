@@ -192,19 +192,19 @@ def _one_after_another(parts: Sequence[Measurement]) -> Measurement:
 def _motion(measured: Measurement, axis: str) -> Motion:
     """Return the motion as recorded where that is as fine as a derived one, or derived."""
     motion = derive_motion(measured, axis, share=_SHARE)
-    noise = float(np.max(motion.velocity_noise))
     recorded = (
         recorded_motion(measured, axis, name) for name in ("velocity", "acceleration")
     )
     fast, hard = (None if v is None else np.asarray(v, float) for v in recorded)
-    if fast is None or (hard is None and (np.diff(motion.time) <= 0.0).any()):
+    if fast is None:
         return _creeping(motion, measured, axis)
-    moving = np.abs(fast) > _FINE * np.abs(fast).max()
-    fine = max(noise, _FINE * float(np.abs(fast).max()))
-    apart = np.abs(fast - motion.velocity)[moving]
-    if hard is None and (not apart.size or float(np.median(apart)) > fine):
-        return _creeping(motion, measured, axis)
-    hard = np.gradient(fast, motion.time) if hard is None else hard
+    if hard is None:
+        top, noise = float(np.abs(fast).max()), float(np.max(motion.velocity_noise))
+        apart = np.abs(fast - motion.velocity)[np.abs(fast) > _FINE * top]
+        coarse = not apart.size or float(np.median(apart)) > max(noise, _FINE * top)
+        if coarse or (np.diff(motion.time) <= 0.0).any():
+            return _creeping(motion, measured, axis)
+        hard = np.gradient(fast, motion.time)
     return dataclasses.replace(motion, velocity=fast, acceleration=hard)
 
 
