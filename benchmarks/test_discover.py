@@ -10,7 +10,7 @@ from pytest_benchmark.fixture import BenchmarkFixture
 
 from axcomp.ident.discover import discover
 from axcomp.ident.job import load_job
-from axcomp.ident.machine.motion import (
+from axcomp.ident.machine import (
     machine_with_everything,
     record,
     work_programme,

@@ -33,7 +33,7 @@ from axcomp.ident.fit.joint import (
     fit_joint,
     held_out_errors,
 )
-from axcomp.ident.machine.motion import (
+from axcomp.ident.machine import (
     SPACE,
     MotionLog,
     WorkingMachine,

@@ -7,8 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from ...models import AbstractFriction, StribeckFriction
-from ._machine import Instrument, VirtualMachine
-from ._sources import BeamBow, Reversal, ScrewPitch, TableFlatness
+from ._instruments import Instrument
+from ._machine import VirtualMachine
+from ._sources import beam_bow, reversal, screw_pitch, table_flatness
 
 TRAVEL = (800.0, 400.0)
 """Travel of X and of Y in mm."""
@@ -38,12 +39,12 @@ def example_machine() -> VirtualMachine:
     return VirtualMachine(
         axes={"X": 1, "Y": 2, "Z": 3},
         sources=(
-            ScrewPitch("X", slope=5.2e-5, bow=-0.011, length=length,
+            screw_pitch("X", slope=5.2e-5, bow=-0.011, length=length,
                        periodic=0.0016, lead=40.0),
-            Reversal("X", at_start=0.005, at_end=0.011, length=length),
-            BeamBow("Y", along="X", bow=0.024, length=length, wave=0.0022,
+            reversal("X", at_start=0.005, at_end=0.011, length=length),
+            beam_bow("Y", along="X", bow=0.024, length=length, wave=0.0022,
                     wavelength=260.0),
-            TableFlatness("Z", across=("X", "Y"), size=TRAVEL, twist=0.012,
+            table_flatness("Z", across=("X", "Y"), size=TRAVEL, twist=0.012,
                           sag=0.021, dent=0.009),
         ),
     )  # fmt: skip

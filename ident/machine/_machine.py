@@ -15,7 +15,8 @@ from ...data.errors import FoundError
 from ...data.lists import ListFile
 from ...models import Conventions, Motion, PositionController, TemperatureLine
 from ..exchange import Reading as ListReading, controller_from_lists
-from ._sources import AbstractErrorSource, Column, Columns, State
+from ._instruments import Instrument
+from ._sources import Column, Columns, ErrorSource, State
 
 
 class MachineError(FoundError):
@@ -33,13 +34,11 @@ class VirtualMachine:
         axes: Logical number by axis name.
         sources: Causes of error; those of one axis add up.
         controller: Has the lists that are loaded, a column per axis; None: no list.
-        conventions: Rules that the controller follows.
     """
 
     axes: Mapping[str, int]
-    sources: tuple[AbstractErrorSource, ...]
+    sources: tuple[ErrorSource, ...]
     controller: PositionController | None = None
-    conventions: Conventions = dataclasses.field(default_factory=Conventions)
 
     def with_lists(
         self,
@@ -62,7 +61,7 @@ class VirtualMachine:
             return dataclasses.replace(self, controller=None)
         controller = controller_from_lists(
             lists,
-            ListReading(self.conventions, lines=lines or {}, commanded=True),
+            ListReading(Conventions(), lines=lines or {}, commanded=True),
             axes=tuple(self.axes.values()),
         )
         return dataclasses.replace(self, controller=controller)
@@ -96,62 +95,6 @@ class VirtualMachine:
         column = list(self.axes).index(axis)
         added = np.asarray(self.controller.settled(motion).offset)[:, column]
         return np.asarray(total + added)
-
-
-@dataclasses.dataclass(frozen=True)
-class Instrument:
-    """What stands between the true error and the reading; lengths in mm.
-
-    Attributes:
-        noise: Standard deviation of one reading.
-        resolution: Readings are whole multiples of this.
-        drift: Standard deviation of the drift from the start to the end of a run, as
-            the temperature of the hall makes it.
-        run_offset: Standard deviation of the shift between runs.
-        zero: The instrument's arbitrary zero.
-        tilt: Slope of its arbitrary straight line, in mm per mm along the first axis.
-        wild: Share of readings that are plainly wrong.
-        wild_size: How wrong they are, at most.
-    """
-
-    noise: float
-    resolution: float
-    drift: float = 0.0
-    run_offset: float = 0.0
-    zero: float = 0.0
-    tilt: float = 0.0
-    wild: float = 0.0
-    wild_size: float = 0.1
-
-    def read(
-        self,
-        error: Column,
-        along: Column,
-        run: Int[np.ndarray, " t"],
-        rng: np.random.Generator,
-    ) -> tuple[Column, Bool[np.ndarray, " t"]]:
-        """Return the readings in mm, and which of them are wild.
-
-        Args:
-            error: True error in mm in the order of measuring.
-            along: Position along the instrument's own line in mm.
-            run: Run of each reading, 0, 1, …, ascending.
-            rng: Source of chance.
-        """
-        size = len(error)
-        runs = int(run.max(initial=0)) + 1
-        start = np.searchsorted(run, np.arange(runs))
-        length = np.bincount(run, minlength=runs)
-        progress = (np.arange(size) - start[run]) / np.maximum(length - 1, 1)[run]
-        reading = error + self.zero + self.tilt * along
-        reading += self.run_offset * rng.standard_normal(runs)[run]
-        # About the middle of the run, so that a run's mean is its offset.
-        reading += self.drift * rng.standard_normal(runs)[run] * (progress - 0.5)
-        reading += self.noise * rng.standard_normal(size)
-        wild = rng.random(size) < self.wild
-        size_of = rng.uniform(0.3, 1.0, size) * self.wild_size
-        reading += np.where(wild, size_of * rng.choice([-1.0, 1.0], size), 0.0)
-        return self.resolution * np.rint(reading / self.resolution), wild
 
 
 @dataclasses.dataclass(frozen=True)

@@ -1,9 +1,7 @@
-"""Known errors of a machine, each a physical cause, and the state that they depend on."""
+"""Known errors of a machine, each of a physical cause, and the state that they depend on."""
 
-import abc
 import dataclasses
-from collections.abc import Mapping
-from typing import final
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -12,6 +10,8 @@ Column = Float[np.ndarray, " t"]
 """A value per instant, cycle or reading."""
 Columns = Mapping[str, Column]
 """By axis, part or sensor."""
+HALL = 20.0
+"""Temperature in °C of the hall, at which nothing is wrong."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -39,32 +39,28 @@ class State:
 
 
 @dataclasses.dataclass(frozen=True)
-class AbstractErrorSource(abc.ABC):
+class ErrorSource:
     """A cause that makes one axis miss its command.
 
     Attributes:
         axis: The axis that ends up in the wrong place.
         compensation: The one of the controller that is meant for it.
+        error: Returns actual − encoder in mm (at standstill actual − commanded) in a state
+            that holds the positions that the error depends on.
     """
 
     axis: str
-    compensation: str = dataclasses.field(kw_only=True)
-
-    @abc.abstractmethod
-    def error(self, at: State) -> Column:
-        """Return actual − encoder in mm, at standstill actual − commanded.
-
-        Args:
-            at: State of the machine, with the positions that the error depends on.
-        """
+    compensation: str
+    error: Callable[[State], Column]
 
 
-@final
-@dataclasses.dataclass(frozen=True)
-class ScrewPitch(AbstractErrorSource):
-    """A ball screw whose pitch is off: along its length, and once per turn.
+def screw_pitch(
+    axis: str, slope: float, bow: float, length: float, periodic: float, lead: float
+) -> ErrorSource:
+    """Return a ball screw whose pitch is off: along its length, and once per turn.
 
-    Attributes:
+    Args:
+        axis: That it drives.
         slope: Progressive error in mm per mm.
         bow: Height of a half wave over the length, in mm.
         length: Of the screw in mm.
@@ -72,49 +68,42 @@ class ScrewPitch(AbstractErrorSource):
         lead: Travel per turn in mm.
     """
 
-    slope: float
-    bow: float
-    length: float
-    periodic: float
-    lead: float
+    def error(at: State) -> Column:
+        place = at.position[axis]
+        long = slope * place + bow * np.sin(np.pi * place / length)
+        return long + periodic * np.sin(2 * np.pi * place / lead)
 
-    compensation: str = dataclasses.field(default="leadscrew", kw_only=True)
-
-    def error(self, at: State) -> Column:
-        place = at.position[self.axis]
-        long = self.slope * place + self.bow * np.sin(np.pi * place / self.length)
-        return long + self.periodic * np.sin(2 * np.pi * place / self.lead)
+    return ErrorSource(axis, "leadscrew", error)
 
 
-@final
-@dataclasses.dataclass(frozen=True)
-class Reversal(AbstractErrorSource):
-    """Lost motion: coming from the other side, the axis stops short.
+def reversal(
+    axis: str,
+    at_start: float,
+    at_end: float,
+    length: float,
+    compensation: str = "leadscrew",
+) -> ErrorSource:
+    """Return lost motion: coming from the other side, the axis stops short.
 
-    Attributes:
-        at_start: Lost motion in mm at position 0.
-        at_end: Lost motion in mm at ``length``.
-        length: In mm.
+    Its size in mm is ``at_start`` at position 0 and ``at_end`` at ``length`` in mm.
     """
 
-    at_start: float
-    at_end: float
-    length: float
-    compensation: str = dataclasses.field(default="leadscrew", kw_only=True)
-
-    def error(self, at: State) -> Column:
-        share = np.clip(at.position[self.axis] / self.length, 0.0, 1.0)
-        play = self.at_start + (self.at_end - self.at_start) * share
+    def error(at: State) -> Column:
+        share = np.clip(at.position[axis] / length, 0.0, 1.0)
+        play = at_start + (at_end - at_start) * share
         # Half on either side: the mean of both directions is not shifted.
-        return -at.direction[self.axis] * play / 2
+        return -at.direction[axis] * play / 2
+
+    return ErrorSource(axis, compensation, error)
 
 
-@final
-@dataclasses.dataclass(frozen=True)
-class BeamBow(AbstractErrorSource):
-    """A beam that is not straight: moving along it pushes another axis sideways.
+def beam_bow(
+    axis: str, along: str, bow: float, length: float, wave: float, wavelength: float
+) -> ErrorSource:
+    """Return a beam that is not straight: moving along it pushes another axis sideways.
 
-    Attributes:
+    Args:
+        axis: That is pushed.
         along: Axis that moves on the beam.
         bow: Height of the arc over ``length`` in mm.
         length: In mm.
@@ -122,27 +111,27 @@ class BeamBow(AbstractErrorSource):
         wavelength: Of that wave in mm.
     """
 
-    along: str
-    bow: float
-    length: float
-    wave: float
-    wavelength: float
+    def error(at: State) -> Column:
+        place = at.position[along]
+        share = place / length
+        arc = 4 * bow * share * (1 - share)
+        return arc + wave * np.sin(2 * np.pi * place / wavelength)
 
-    compensation: str = dataclasses.field(default="cross", kw_only=True)
-
-    def error(self, at: State) -> Column:
-        place = at.position[self.along]
-        share = place / self.length
-        arc = 4 * self.bow * share * (1 - share)
-        return arc + self.wave * np.sin(2 * np.pi * place / self.wavelength)
+    return ErrorSource(axis, "cross", error)
 
 
-@final
-@dataclasses.dataclass(frozen=True)
-class TableFlatness(AbstractErrorSource):
-    """A table that is not flat: twisted, sagging in the middle, with a worn spot.
+def table_flatness(
+    axis: str,
+    across: tuple[str, str],
+    size: tuple[float, float],
+    twist: float,
+    sag: float,
+    dent: float,
+) -> ErrorSource:
+    """Return a table that is not flat: twisted, sagging in the middle, with a worn spot.
 
-    Attributes:
+    Args:
+        axis: That its height moves.
         across: The two axes that span the table.
         size: Its length along each of them in mm.
         twist: Height of the corners in mm.
@@ -151,62 +140,58 @@ class TableFlatness(AbstractErrorSource):
             third of both lengths.
     """
 
-    across: tuple[str, str]
-    size: tuple[float, float]
-    twist: float
-    sag: float
-    dent: float
-
-    compensation: str = dataclasses.field(default="plane", kw_only=True)
-
-    def error(self, at: State) -> Column:
+    def error(at: State) -> Column:
         first, second = (
-            2 * at.position[axis] / size - 1
-            for axis, size in zip(self.across, self.size, strict=True)
+            2 * at.position[name] / extent - 1
+            for name, extent in zip(across, size, strict=True)
         )
-        twist = self.twist * first * second
-        sag = -self.sag * np.cos(np.pi * first / 2) * np.cos(np.pi * second / 2)
+        bowl = sag * np.cos(np.pi * first / 2) * np.cos(np.pi * second / 2)
         squares = np.square(first + 1 / 3) + np.square(second + 1 / 3)
-        return twist + sag - self.dent * np.exp(-squares / (2 * (1 / 6) ** 2))
+        spot = dent * np.exp(-squares / (2 * (1 / 6) ** 2))
+        return twist * first * second - bowl - spot
+
+    return ErrorSource(axis, "plane", error)
 
 
-@final
-@dataclasses.dataclass(frozen=True)
-class PartGrowth(AbstractErrorSource):
-    """A part that grows as it warms: it shifts the axis, and it stretches it.
+def part_growth(
+    axis: str,
+    part: str,
+    shift: float = 0.0,
+    stretch: float = 0.0,
+    reference: float = 0.0,
+) -> ErrorSource:
+    """Return a part that grows as it warms: it shifts the axis, and it stretches it.
 
-    Attributes:
-        part: Name of the part, whose temperature counts.
+    Args:
+        axis: That it moves.
+        part: Its name; the temperature of the part counts.
         shift: In mm per K.
         stretch: In mm per mm and K.
         reference: Position in mm that the stretching leaves where it is.
-        neutral: Temperature in °C at which nothing is wrong.
     """
 
-    part: str
-    shift: float = 0.0
-    stretch: float = 0.0
-    reference: float = 0.0
-    neutral: float = 20.0
+    def error(at: State) -> Column:
+        warmer = at.temperature.get(part, np.full(at.rows, HALL)) - HALL
+        if not stretch:
+            return shift * warmer
+        return warmer * (shift + stretch * (at.position[axis] - reference))
 
-    compensation: str = dataclasses.field(default="temperature", kw_only=True)
-
-    def error(self, at: State) -> Column:
-        if self.part not in at.temperature:
-            return np.zeros(at.rows)
-        warmer = at.temperature[self.part] - self.neutral
-        if not self.stretch:
-            return self.shift * warmer
-        distance = at.position[self.axis] - self.reference
-        return warmer * (self.shift + self.stretch * distance)
+    return ErrorSource(axis, "temperature", error)
 
 
-@final
-@dataclasses.dataclass(frozen=True)
-class Nodding(AbstractErrorSource):
-    """A column that nods as another axis accelerates, the more the higher it reaches.
+def nodding(
+    axis: str,
+    master: str,
+    along: str,
+    at_start: float,
+    at_end: float,
+    length: float,
+    braking: float,
+) -> ErrorSource:
+    """Return a column that nods as another axis accelerates, the more the higher it reaches.
 
-    Attributes:
+    Args:
+        axis: That its top moves.
         master: Axis that accelerates.
         along: Axis whose position sets how far it nods.
         at_start: Error in mm per 1000 mm/s² at position 0 of ``along``.
@@ -215,19 +200,9 @@ class Nodding(AbstractErrorSource):
         braking: Share of it that remains where the acceleration is negative.
     """
 
-    master: str
-    along: str
-    at_start: float
-    at_end: float
-    length: float
-    braking: float = 1.0
+    def error(at: State) -> Column:
+        rate = at.acceleration.get(master, np.zeros(at.rows)) / 1000.0
+        size = at_start + (at_end - at_start) * (at.position[along] / length)
+        return size * np.where(rate < 0.0, braking, 1.0) * rate
 
-    compensation: str = dataclasses.field(default="crosstalk", kw_only=True)
-
-    def error(self, at: State) -> Column:
-        if self.master not in at.acceleration:
-            return np.zeros(at.rows)
-        rate = at.acceleration[self.master] / 1000.0
-        reach = at.position[self.along] / self.length
-        size = self.at_start + (self.at_end - self.at_start) * reach
-        return size * np.where(rate < 0.0, self.braking, 1.0) * rate
+    return ErrorSource(axis, "crosstalk", error)

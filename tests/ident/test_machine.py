@@ -10,17 +10,17 @@ from axcomp.data.lists import ListFile
 from axcomp.data.measurements import derive_error, measurement, read_table
 from axcomp.ident.exchange import ExchangeError
 from axcomp.ident.machine import (
-    BeamBow,
     Instrument,
     MachineError,
     Reading,
-    Reversal,
-    ScrewPitch,
     State,
-    TableFlatness,
     VirtualMachine,
+    beam_bow,
     example_machine,
     measure,
+    reversal,
+    screw_pitch,
+    table_flatness,
     write_reading,
 )
 
@@ -42,7 +42,7 @@ CROSS_OF_Y = parse(
 
 
 def test_screw_error_has_slope_bow_and_a_wave_per_turn() -> None:
-    screw = ScrewPitch("X", 1e-5, 0.01, 800.0, 0.002, 40.0)
+    screw = screw_pitch("X", 1e-5, 0.01, 800.0, 0.002, 40.0)
     at = {"X": np.array([0.0, 10.0, 400.0])}
     wave = 0.002 * np.array([0.0, 1.0, 0.0])
     bow = 0.01 * np.sin(np.pi * at["X"] / 800)
@@ -53,7 +53,7 @@ def test_screw_error_has_slope_bow_and_a_wave_per_turn() -> None:
 
 
 def test_reversal_is_the_difference_of_the_directions_and_leaves_the_mean() -> None:
-    lost = Reversal("X", 0.004, 0.008, 100.0)
+    lost = reversal("X", 0.004, 0.008, 100.0)
     at = {"X": np.array([0.0, 50.0, 100.0])}
     up, down = (lost.error(State(at, {"X": way})) for way in (UP, -UP))
     np.testing.assert_allclose(down - up, [0.004, 0.006, 0.008])
@@ -61,21 +61,21 @@ def test_reversal_is_the_difference_of_the_directions_and_leaves_the_mean() -> N
 
 
 def test_beam_is_straight_at_its_ends_and_highest_in_the_middle() -> None:
-    beam = BeamBow("Y", "X", 0.02, 800.0, 0.0, 1.0)
+    beam = beam_bow("Y", "X", 0.02, 800.0, 0.0, 1.0)
     at = {"X": np.array([0.0, 400.0, 800.0])}
     np.testing.assert_allclose(beam.error(State(at, {})), [0.0, 0.02, 0.0], atol=1e-18)
 
 
 def test_table_is_twisted_at_its_corners() -> None:
-    table = TableFlatness("Z", ("X", "Y"), (800.0, 400.0), 0.01, 0.0, 0.0)
+    table = table_flatness("Z", ("X", "Y"), (800.0, 400.0), 0.01, 0.0, 0.0)
     at = {"X": np.array([0.0, 800.0, 800.0]), "Y": np.array([0.0, 0.0, 400.0])}
     np.testing.assert_allclose(table.error(State(at, {})), [0.01, -0.01, 0.01])
 
 
 def test_errors_of_one_axis_add_up_and_others_stay_out() -> None:
-    first = BeamBow("Y", "X", 0.02, 800.0, 0.0, 1.0)
+    first = beam_bow("Y", "X", 0.02, 800.0, 0.0, 1.0)
     machine = VirtualMachine(
-        {"X": 1, "Y": 2}, (first, first, Reversal("X", 1.0, 1.0, 1.0))
+        {"X": 1, "Y": 2}, (first, first, reversal("X", 1.0, 1.0, 1.0))
     )
     at = {"X": np.array([400.0, 400.0, 0.0])}
     np.testing.assert_allclose(machine.error("Y", at, UP), [0.04, 0.04, 0.0])

@@ -22,11 +22,14 @@ from ...job import (
 from ...kinds import kind
 from ...kinds.friction.entries import friction_from_list
 from ...kinds.temperature.entries import read_temperature_table
-from ...machine import VirtualMachine, example_drive, example_machine, record_drive
-from ...machine.motion import (
+from ...machine import (
+    VirtualMachine,
     WorkingMachine,
+    example_drive,
+    example_machine,
     machine_with_everything,
     record,
+    record_drive,
     work_programme,
     write_motion_log,
 )

@@ -13,7 +13,7 @@ from scipy.signal import lfilter
 from axcomp.ident.cli import main
 from axcomp.ident.discover import Discovery, discover
 from axcomp.ident.job import JobResult, load_job, run_job
-from axcomp.ident.machine.motion import (
+from axcomp.ident.machine import (
     machine_with_everything,
     record,
     work_programme,

@@ -24,10 +24,10 @@ from axcomp.ident.fit.joint import (
     Temperature,
     fit_joint,
 )
-from axcomp.ident.machine import State
-from axcomp.ident.machine.motion import (
+from axcomp.ident.machine import (
     SPACE,
     MotionLog,
+    State,
     WorkingMachine,
     machine_with_everything,
     record,

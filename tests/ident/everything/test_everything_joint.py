@@ -13,8 +13,7 @@ from axcomp.ident.fit.joint import (
     Temperature,
     fit_joint,
 )
-from axcomp.ident.machine import State
-from axcomp.ident.machine.motion import MotionLog, WorkingMachine
+from axcomp.ident.machine import MotionLog, State, WorkingMachine
 
 from ..joint.gauge import in_gauge
 from .whole import AXES, NOISE, in_deviations, in_the_workspace

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from axcomp.data.lists import ListFile
-from axcomp.ident.machine import State
-from axcomp.ident.machine.motion import (
+from axcomp.ident.machine import (
     CYCLE,
     AxisLoop,
     HeatedPart,
+    Instrument,
     MotionLog,
     Path,
-    Tracker,
+    State,
     WorkingMachine,
     machine_with_everything,
     record,
@@ -87,8 +87,8 @@ def test_part_follows_its_sensor_with_the_stated_lag() -> None:
 def test_tracker_shows_where_the_axis_was_and_its_clock_is_slow() -> None:
     time = CYCLE * np.arange(20_000)
     place = 50.0 * np.sin(2.0 * time)
-    tool = Tracker(noise=0.0, resolution=1e-9, delay=0.004, rate=1e-4, zero=0.5)
-    shown, wrong = tool.read(place, np.random.default_rng(1))
+    tool = Instrument(noise=0.0, resolution=1e-9, delay=0.004, rate=1e-4, zero=0.5)
+    shown, wrong = tool.follow(place, np.random.default_rng(1))
     at = time - 0.004 - 1e-4 * time
     # Cubics through four samples; the first rows reach back before the record.
     np.testing.assert_allclose(

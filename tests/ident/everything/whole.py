@@ -18,8 +18,7 @@ from axcomp.ident.fit.joint import (
     Plane,
     Temperature,
 )
-from axcomp.ident.machine import State
-from axcomp.ident.machine.motion import SPACE, WorkingMachine
+from axcomp.ident.machine import SPACE, State, WorkingMachine
 
 from ..joint.gauge import in_gauge
 

@@ -9,7 +9,7 @@ import pytest
 from axcomp.data.lists import ListFile
 from axcomp.ident.batch._rows import rows_of
 from axcomp.ident.job import CrosstalkResult, TableResult, run_job
-from axcomp.ident.machine.motion import machine_with_everything, record, work_programme
+from axcomp.ident.machine import machine_with_everything, record, work_programme
 
 from . import machine as m
 

@@ -5,46 +5,45 @@ from collections.abc import Collection
 
 import numpy as np
 
-from .._example import example_drive
-from .._machine import VirtualMachine
-from .._sources import (
-    AbstractErrorSource,
-    BeamBow,
-    Nodding,
-    PartGrowth,
-    Reversal,
-    ScrewPitch,
-    TableFlatness,
-)
-from ._instruments import HeatedPart, Tracker
+from ._example import example_drive
+from ._instruments import HeatedPart, Instrument
+from ._machine import VirtualMachine
 from ._programme import Path, Programme
 from ._record import AxisLoop, WorkingMachine
+from ._sources import (
+    beam_bow,
+    nodding,
+    part_growth,
+    reversal,
+    screw_pitch,
+    table_flatness,
+)
 
 SPACE = {"X": 800.0, "Y": 400.0, "Z": 200.0}
 """Travel of each axis from 0, in mm."""
 _HARD = 1500.0
 """Largest acceleration of the programme in mm/s²."""
 
-_SOURCES: tuple[AbstractErrorSource, ...] = (
-    ScrewPitch("X", slope=4.1e-5, bow=-0.011, length=800.0, periodic=0.0, lead=40.0),
-    Reversal("X", at_start=0.004, at_end=0.009, length=800.0),
-    PartGrowth("X", "scale", stretch=11.5e-6, reference=250.0),
-    ScrewPitch("Y", slope=-2.6e-5, bow=0.006, length=400.0, periodic=0.0, lead=40.0),
-    Reversal("Y", 0.006, 0.006, length=400.0, compensation="backlash"),
-    BeamBow("Y", "X", bow=0.018, length=800.0, wave=0.0022, wavelength=260.0),
-    Nodding("Y", "X", "Z", at_start=0.002, at_end=0.007, length=200.0, braking=0.8),
-    ScrewPitch("Z", slope=3.0e-5, bow=-0.003, length=200.0, periodic=0.0, lead=40.0),
-    Reversal("Z", 0.004, 0.004, length=200.0, compensation="backlash"),
-    TableFlatness("Z", ("X", "Y"), (800.0, 400.0), twist=0.012, sag=0.021, dent=0.005),
-    PartGrowth("Z", "spindle", shift=0.0021),
+_SOURCES = (
+    screw_pitch("X", slope=4.1e-5, bow=-0.011, length=800.0, periodic=0.0, lead=40.0),
+    reversal("X", at_start=0.004, at_end=0.009, length=800.0),
+    part_growth("X", "scale", stretch=11.5e-6, reference=250.0),
+    screw_pitch("Y", slope=-2.6e-5, bow=0.006, length=400.0, periodic=0.0, lead=40.0),
+    reversal("Y", 0.006, 0.006, length=400.0, compensation="backlash"),
+    beam_bow("Y", "X", bow=0.018, length=800.0, wave=0.0022, wavelength=260.0),
+    nodding("Y", "X", "Z", at_start=0.002, at_end=0.007, length=200.0, braking=0.8),
+    screw_pitch("Z", slope=3.0e-5, bow=-0.003, length=200.0, periodic=0.0, lead=40.0),
+    reversal("Z", 0.004, 0.004, length=200.0, compensation="backlash"),
+    table_flatness("Z", ("X", "Y"), (800.0, 400.0), twist=0.012, sag=0.021, dent=0.005),
+    part_growth("Z", "spindle", shift=0.0021),
 )
 
-Fault = tuple[str, str]
+_Fault = tuple[str, str]
 """Compensation and axis, such as ``("backlash", "Z")``."""
 
 
 def machine_with_everything(
-    absent: Collection[Fault] = (), *, swapped: bool = False, pace: float = 1.0
+    absent: Collection[_Fault] = (), *, swapped: bool = False, pace: float = 1.0
 ) -> WorkingMachine:
     """Return a portal mill with every compensation's fault on three axes.
 
@@ -59,8 +58,10 @@ def machine_with_everything(
     """
     sources = tuple(s for s in _SOURCES if (s.compensation, s.axis) not in absent)
     if swapped:
-        bent = BeamBow("Y", "Z", bow=0.012, length=200.0, wave=0.0015, wavelength=110.0)
-        sources = tuple(bent if isinstance(s, BeamBow) else s for s in sources)
+        bent = beam_bow(
+            "Y", "Z", bow=0.012, length=200.0, wave=0.0015, wavelength=110.0
+        )
+        sources = tuple(bent if s.compensation == "cross" else s for s in sources)
     loop = AxisLoop(
         gain=45.0,
         feed_forward=0.6,
@@ -68,7 +69,7 @@ def machine_with_everything(
         compliance=0.003,
         integral_time=0.01,
     )
-    tracker = Tracker(
+    tracker = Instrument(
         noise=0.0005, delay=0.0043, rate=4e-7, drift=0.001, outliers=0.005,
         outlier_size=0.02, wild=0.0002, wild_size=1.0,
     )  # fmt: skip

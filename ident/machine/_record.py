@@ -9,13 +9,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from ....data.signals import last_direction
-from ....models import Motion
-from .._example import Drive
-from .._machine import VirtualMachine
-from .._sources import Column, Columns, State
-from ._instruments import HeatedPart, Tracker, following
+from ...data.signals import last_direction
+from ...models import Motion
+from ._example import Drive
+from ._instruments import HeatedPart, Instrument, following
+from ._machine import VirtualMachine
 from ._programme import CYCLE, Programme
+from ._sources import Column, Columns, State
 
 _ENCODER_NOISE = 2e-5
 """Standard deviation of an encoder reading in mm."""
@@ -81,7 +81,7 @@ class WorkingMachine:
     loops: Mapping[str, AxisLoop]
     drives: Mapping[str, Drive]
     parts: tuple[HeatedPart, ...]
-    trackers: Mapping[str, Tracker]
+    trackers: Mapping[str, Instrument]
     plc_lags: Mapping[str, float] = dataclasses.field(default_factory=dict)
 
     @property
@@ -157,7 +157,7 @@ def record(work: WorkingMachine, programme: Programme, seed: int) -> MotionLog:
         noise = _ENCODER_NOISE * rng.standard_normal(len(fault))
         encoder[axis] = raw[axis] - added[axis] + noise
         truth[axis] = fault + added[axis]
-        actual[axis], wrong[axis] = work.trackers[axis].read(raw[axis] + fault, rng)
+        actual[axis], wrong[axis] = work.trackers[axis].follow(raw[axis] + fault, rng)
     return MotionLog(
         **vars(programme),
         encoder=encoder,

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 import numpy as np
 from jaxtyping import Float
 
-from .._sources import Column, Columns
+from ._sources import Column, Columns
 
 CYCLE = 0.001
 """Cycle of the controller in s."""
