@@ -28,7 +28,7 @@ from . import (
     _simulate,
 )
 from ._options import declared
-from .demo import _command as demo
+from .demo import demo
 
 app = typer.Typer(
     name="axcomp",
@@ -40,7 +40,7 @@ app = typer.Typer(
 COMMANDS: dict[str, Callable[..., Any]] = {
     command.__name__.replace("_", "-"): command
     for command in (
-        demo.demo,
+        demo,
         _read.read,
         _read.new,
         _fit.fit,

@@ -34,11 +34,13 @@ class VirtualMachine:
         axes: Logical number by axis name.
         sources: Causes of error; those of one axis add up.
         controller: Has the lists that are loaded, a column per axis; None: no list.
+        conventions: Rules that the controller follows.
     """
 
     axes: Mapping[str, int]
     sources: tuple[ErrorSource, ...]
     controller: PositionController | None = None
+    conventions: Conventions = dataclasses.field(default_factory=Conventions)
 
     def with_lists(
         self,
@@ -61,7 +63,7 @@ class VirtualMachine:
             return dataclasses.replace(self, controller=None)
         controller = controller_from_lists(
             lists,
-            ListReading(Conventions(), lines=lines or {}, commanded=True),
+            ListReading(self.conventions, lines=lines or {}, commanded=True),
             axes=tuple(self.axes.values()),
         )
         return dataclasses.replace(self, controller=controller)
