@@ -19,7 +19,6 @@ from ...data.measurements import (
 )
 from ..fit import (
     Apply,
-    Part,
     Samples,
     TableEffect,
     TableFit,
@@ -71,13 +70,21 @@ def fit_log(
         reason = "found no table that can be read in pieces, expected CSV or Parquet"
         raise MeasurementError(str(path), reason)
     headers = tuple(log.head.column(name).header for name in (*positions, error))
-    parts, read = log.parts(headers, _PARTS, _ROWS), partial(_samples, headers, factor)
+    read = partial(_samples, headers, factor)
+    parts = [partial(_pieces, each, read) for each in log.parts(headers, _PARTS, _ROWS)]
     with contextlib.ExitStack() as stack:
-        pool, apply = _shared(parts, read, scheduler, workers, stack)
-        streamed = fit_streamed(
-            layout, pool, smoothness=smoothness, loss=loss, apply=apply
-        )
-        return streamed.fit
+        apply: Apply = map
+        threads = min(os.cpu_count() or 1, len(parts) // _APIECE)
+        if scheduler is not None or workers > 1:
+            apply = partial(
+                _on_workers, stack.enter_context(workers_of(scheduler, workers))
+            )
+        elif threads > 1:
+            # Neither reading nor summing holds the interpreter.
+            apply = stack.enter_context(ThreadPoolExecutor(threads)).map
+        return fit_streamed(
+            layout, parts, smoothness=smoothness, loss=loss, apply=apply
+        ).fit
 
 
 def _samples(headers: Sequence[str], factor: float, table: Table) -> Samples:
@@ -105,25 +112,8 @@ def _pieces(part: TablePart, read: Callable[[Table], Samples]) -> Iterator[Sampl
     return map(read, part.tables())
 
 
-def _shared(
-    parts: Sequence[TablePart],
-    read: Callable[[Table], Samples],
-    scheduler: str | None,
-    workers: int,
-    stack: contextlib.ExitStack,
-) -> tuple[Sequence[Part], Apply]:
-    """Return the parts and what sums them up: on workers, on threads or one by one."""
-    pieces = [partial(_pieces, part, read) for part in parts]
-    if scheduler is not None or workers > 1:
-        client: Any = stack.enter_context(workers_of(scheduler, workers))
-
-        def apply(call: Callable[[Any], Any], items: Sequence[Any]) -> Iterable[Any]:
-            values: list[Any] = client.gather(client.map(call, list(items), pure=False))
-            return values
-
-        return pieces, apply
-    threads = min(os.cpu_count() or 1, len(parts) // _APIECE)
-    if threads > 1:
-        # Neither reading nor summing holds the interpreter.
-        return pieces, stack.enter_context(ThreadPoolExecutor(threads)).map
-    return pieces, map
+def _on_workers(
+    client: Any, call: Callable[[Any], Any], items: Sequence[Any]
+) -> Iterable[Any]:
+    values: list[Any] = client.gather(client.map(call, list(items), pure=False))
+    return values

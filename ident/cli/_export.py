@@ -19,7 +19,6 @@ from ._options import (
     Rules,
     axis_ranges,
     by_axis,
-    cycle,
     matched,
     read_lists,
     refuse_existing,
@@ -28,6 +27,9 @@ from ._options import (
 
 if TYPE_CHECKING:
     from ..diagnosis import Probe
+
+_LONGEST_CYCLE = 0.1
+"""s; position controllers run at 0.25 to 20 ms, which many write in ms."""
 
 
 def objects(
@@ -230,7 +232,7 @@ def export_external(
     conventions: Rules = None,
     feed: Positive = 30000.0,
     acceleration: Positive = 5000.0,
-    cycle_time: Annotated[float, typer.Option(callback=cycle)] = 0.001,
+    cycle_time: Annotated[float, typer.Option(min=1e-6, max=_LONGEST_CYCLE)] = 0.001,
     ramp: Positive = 1.0,
 ) -> None:
     """Write tables as C and C++ of an external compensation, with its list entries.

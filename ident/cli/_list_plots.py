@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from ...data.lists import OffsetCurve
 from ..report._iso_chart import write_chart
-from ..report._style import DIVERGING, as_raster, borders, house_style, new_figure
+from ..report._style import heat, house_style, new_figure
 
 _Drawn = Sequence[tuple[str, OffsetCurve]]
 """Tables of one compensation, each with what it is called: ``old``, ``new``, or nothing."""
@@ -70,18 +70,11 @@ def _planes(drawn: _Drawn) -> Figure:
     figure.set_figwidth(6.4 * len(drawn))
     fields = [np.asarray(plane.offsets) for _, plane in drawn]
     limit = max(float(np.abs(field).max(initial=0.0)) for field in fields) or 1.0
-    layers = []
     for axes, (age, plane), field in zip(every, drawn, fields, strict=True):
-        layer = axes.pcolormesh(
-            *(borders(np.asarray(nodes)) for nodes in plane.nodes), field,
-            cmap=DIVERGING, vmin=-limit, vmax=limit, rasterized=as_raster(field.size),
-        )  # fmt: skip
-        layers.append(layer)
-        axes.grid(False)
+        nodes, labels = map(np.asarray, plane.nodes), [_along(plane, k) for k in (0, 1)]
+        layer = heat(axes, [*nodes], field, (-limit, limit), labels)
         axes.set_title(_title(age, plane))
-        axes.set_xlabel(_along(plane, 0))
-        axes.set_ylabel(_along(plane, 1))
-    figure.colorbar(layers[0], ax=every, label=_adds(drawn[0][1]))
+    figure.colorbar(layer, ax=every, label=_adds(drawn[0][1]))
     return figure
 
 

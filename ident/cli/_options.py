@@ -22,8 +22,6 @@ _OPTION = re.compile(
     r" (?P<help>.+(?:\n {8}.+)*)",
     re.MULTILINE,
 )
-_LONGEST_CYCLE = 0.1
-"""s; position controllers run at 0.25 to 20 ms."""
 _ONE_LINE = re.compile(r"(?<=\S)\n *(?=\S)")
 
 
@@ -80,18 +78,6 @@ def positive(value: float | None) -> float | None:
     """
     if value is not None and not 0 < value < math.inf:
         message = f"found {value:g}, expected more than 0"
-        raise typer.BadParameter(message)
-    return value
-
-
-def cycle(value: float) -> float:
-    """Return the value of an option that must be the cycle of a controller in s.
-
-    Raises:
-        BadParameter: If it is not: many write it in ms.
-    """
-    if not 0 < value <= _LONGEST_CYCLE:
-        message = f"found {value:g} s, expected more than 0, at most {_LONGEST_CYCLE:g}"
         raise typer.BadParameter(message)
     return value
 

@@ -101,11 +101,7 @@ def _heading(column: "Column") -> dict[str, Any]:
 
 
 def _print(table: "Table") -> None:
-    console = wide_console()
-
-    def say(line: str) -> None:
-        console.print(line, markup=False)
-
+    console, say = wide_console(), typer.echo
     say(f"{table.path}: {table.format}, {table.rows} rows")
     if table.form is not None:
         say(_form_words(table.form, several=len(table.columns) > 1))

@@ -209,11 +209,8 @@ def _motion_in(table: "Table", ranges: "Mapping[int, tuple[float, float]]") -> "
         ranges: Of the axes that go round, in °.
 
     Raises:
-        MeasurementError: If an axis is no number, there is no position, or times do not
-            ascend.
+        MeasurementError: If an axis is no number, or there is no position.
     """
-    import numpy as np
-
     from ...data.measurements import MeasurementError, measurement
     from ..exchange import Motion
 
@@ -229,13 +226,6 @@ def _motion_in(table: "Table", ranges: "Mapping[int, tuple[float, float]]") -> "
     motion = Motion.of(measured, number)
     if not motion.positions:
         reason = "found no position, expected a column such as A1.position"
-        raise MeasurementError(str(table.path), reason)
-    time = np.zeros(0) if motion.time is None else motion.time
-    for at in np.flatnonzero(np.diff(time) <= 0).tolist():
-        reason = (
-            f"line {measured.lines[at + 1]}: found time {time[at + 1]:g} after"
-            f" {time[at]:g}, expected ascending times"
-        )
         raise MeasurementError(str(table.path), reason)
     return motion
 

@@ -21,6 +21,15 @@ from ._sources import (
 
 SPACE = {"X": 800.0, "Y": 400.0, "Z": 200.0}
 """Travel of each axis from 0, in mm."""
+_AXES = {"X": (1.0, 0.31), "Y": (0.8, -0.12), "Z": (1.3, 0.05)}
+"""Size of the drive of each axis, and the zero in mm of the instrument that follows it."""
+_LOOP = AxisLoop(
+    gain=45.0, feed_forward=0.6, settling=0.003, compliance=0.003, integral_time=0.01
+)
+_TRACKER = Instrument(
+    noise=0.0005, delay=0.0043, rate=4e-7, drift=0.001, outliers=0.005,
+    outlier_size=0.02, wild=0.0002, wild_size=1.0,
+)  # fmt: skip
 _HARD = 1500.0
 """Largest acceleration of the programme in mm/s²."""
 
@@ -62,39 +71,17 @@ def machine_with_everything(
             "Y", "Z", bow=0.012, length=200.0, wave=0.0015, wavelength=110.0
         )
         sources = tuple(bent if s.compensation == "cross" else s for s in sources)
-    loop = AxisLoop(
-        gain=45.0,
-        feed_forward=0.6,
-        settling=0.003,
-        compliance=0.003,
-        integral_time=0.01,
-    )
-    tracker = Instrument(
-        noise=0.0005, delay=0.0043, rate=4e-7, drift=0.001, outliers=0.005,
-        outlier_size=0.02, wild=0.0002, wild_size=1.0,
-    )  # fmt: skip
     return WorkingMachine(
         machine=VirtualMachine({"X": 1, "Y": 2, "Z": 3}, sources),
-        loops={axis: loop for axis in SPACE},
-        drives={
-            axis: example_drive(size)
-            for axis, size in zip(SPACE, (1.0, 0.8, 1.3), strict=True)
-        },
+        loops=dict.fromkeys(SPACE, _LOOP),
+        drives={axis: example_drive(size) for axis, (size, _) in _AXES.items()},
         parts=(
-            HeatedPart(
-                "scale", 6.0, warming=200.0 * pace, lag=90.0 * pace, shift=420.0 * pace
-            ),
-            HeatedPart(
-                "spindle",
-                14.0,
-                warming=80.0 * pace,
-                lag=45.0 * pace,
-                shift=200.0 * pace,
-            ),
+            HeatedPart("scale", 6.0, 200.0 * pace, 90.0 * pace, 420.0 * pace),
+            HeatedPart("spindle", 14.0, 80.0 * pace, 45.0 * pace, 200.0 * pace),
         ),
         trackers={
-            axis: dataclasses.replace(tracker, zero=zero)
-            for axis, zero in zip(SPACE, (0.31, -0.12, 0.05), strict=True)
+            axis: dataclasses.replace(_TRACKER, zero=zero)
+            for axis, (_, zero) in _AXES.items()
         },
     )
 

@@ -2,7 +2,7 @@
 
 import io
 import textwrap
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -54,14 +54,14 @@ def draw_iso_chart(
         figure, (axes,) = style.new_figure(6.0)
         figure.set_dpi(150)
         scale, single = scale_of(unit), len(tests) == 1
-        low, high = _extent(tests.values())
-        margin = 0.08 * (high - low or 1.0)
-        axes.set_ylim(low - margin, high + margin)
+        axes.margins(y=0.08)
+        axes.axhline(0.0, color=style.GREY, linewidth=0.8, zorder=1)
         for at, (name, test) in enumerate(tests.items()):
             colours = style.DIRECTION_COLOR
             if not single:
                 colours = dict.fromkeys(colours, _SERIES[at])
             _draw_test(axes, test, colours, "" if single else f"{name} ", at)
+        axes.set_ylim(axes.get_ylim())
         for at, (name, test) in enumerate(tests.items()):
             colour = style.INK if single else _SERIES[at]
             _draw_brackets(axes, test, colour, at, "" if single else name)
@@ -70,7 +70,6 @@ def draw_iso_chart(
             _draw_tolerance(axes, list(tests.values())[-1], tolerance, scale)
         axes.set_xlabel(f"Position [{scale.position}]")
         axes.set_ylabel(f"Deviation actual − commanded [{scale.error}]")
-        axes.axhline(0.0, color=style.GREY, linewidth=0.8, zorder=1)
         axes.set_title(_title(tests, axis), fontsize=10, weight="normal")
         figure.legend(
             loc="outside upper left", ncols=3, fontsize=9.5, handletextpad=0.5,
@@ -143,17 +142,6 @@ def _draw_test(
         properties |= {"markeredgecolor": "white", "markeredgewidth": 0.7}
         properties |= {"linewidth": 1.8, "linestyle": _DASHES[direction]}
         axes.plot(targets, means, label=f"{prefix or 'mean '}{arrow}", **properties)
-
-
-def _extent(tests: Iterable[Iso230]) -> tuple[float, float]:
-    """Return the lowest and highest value drawn, in µm."""
-    values = [0.0]
-    for test in tests:
-        for ends in (test.accuracy_ends(), test.systematic_ends()):
-            values += ends or ()
-        for run in test.runs:
-            values += [float(run.error.min()), float(run.error.max())]
-    return min(values) * 1e3, max(values) * 1e3
 
 
 def _draw_brackets(axes: Axes, test: Iso230, colour: str, at: int, name: str) -> None:

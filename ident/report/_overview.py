@@ -13,7 +13,7 @@ from . import _style as style
 from ._body import Plot
 from ._scale import Scale, number, scale_of
 from .table._fitted import Fitted, branches_of, readings_of
-from .table._maps import bar, heat, label, symmetric
+from .table._maps import bar, symmetric
 
 _MOST = 6
 """Fits that are drawn; the picture is a summary."""
@@ -115,11 +115,9 @@ def _draw_maps(
     means = [_mean_by_cell(table, places, error) for places, error, _ in both]
     span = symmetric(np.stack(means))
     layers = [
-        heat(panel, table, mean, (-span, span))
+        style.heat(panel, table.nodes, mean, (-span, span), table.labels)
         for panel, mean in zip(panels, means, strict=True)
     ]
-    for panel in panels:
-        label(panel, table)
     bar(figure, layers[0], panels, f"error in {scale.error}")
 
 

@@ -2,7 +2,7 @@
 
 import io
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
 from typing import Any
 
@@ -10,6 +10,7 @@ import matplotlib as mpl
 import numpy as np
 from jaxtyping import Float, Int
 from matplotlib.axes import Axes
+from matplotlib.collections import QuadMesh
 from matplotlib.figure import Figure
 
 # Okabe-Ito: distinguishable with every common kind of colour blindness and in grey.
@@ -103,6 +104,31 @@ def borders(nodes: Float[np.ndarray, " n"]) -> Float[np.ndarray, " m"]:
     return np.concatenate(
         [[2 * nodes[0] - inner[0]], inner, [2 * nodes[-1] - inner[-1]]]
     )
+
+
+def heat(
+    axes: Axes,
+    nodes: Sequence[Float[np.ndarray, " _n"]],
+    value: Float[np.ndarray, "j i"],
+    limits: tuple[float, float],
+    labels: Sequence[str],
+) -> QuadMesh:
+    """Draw a value per node of a plane, in colours that part at 0 where the limits lie about it."""
+    axes.grid(False)
+    mesh = axes.pcolormesh(
+        *map(borders, nodes), value, cmap=DIVERGING if limits[0] < 0 else SEQUENTIAL,
+        vmin=limits[0], vmax=limits[1], rasterized=True,
+    )  # fmt: skip
+    if 0.25 <= height_of(nodes) <= 1.2:
+        axes.set_aspect("equal")
+    axes.set_xlabel(labels[0])
+    axes.set_ylabel(labels[1])
+    return mesh
+
+
+def height_of(nodes: Sequence[Float[np.ndarray, " _n"]]) -> float:
+    """Return how high a plane is, relative to its width."""
+    return float(np.ptp(nodes[1])) / (float(np.ptp(nodes[0])) or 1.0)
 
 
 def middles(nodes: Float[np.ndarray, " n"]) -> Float[np.ndarray, " m"]:

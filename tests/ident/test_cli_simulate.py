@@ -121,7 +121,7 @@ def test_list_in_increments_needs_the_option(
         ("A1.position,A2.position\n0,a\n", "m.csv"),
         (
             "time,A1.position,A2.position\n1,0,0\n0,0,0\n",
-            "line 3: found time 0 after 1",
+            "time: found 0 s after 1 s in row 2, expected ascending",
         ),
         ("", "m.csv"),
     ],

@@ -38,6 +38,12 @@ class Fitted:
         """Nodes that at least one reading touches."""
         return self.support > 0
 
+    @property
+    def labels(self) -> list[str]:
+        """What stands along each master."""
+        pairs = zip(self.masters, self.units, strict=True)
+        return [f"{name} in {unit}" for name, unit in pairs]
+
     def where(self, index: int) -> str:
         """Return the place of a node, by its flat index, in words."""
         at = reversed(np.unravel_index(index, self.value.shape))

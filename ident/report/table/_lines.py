@@ -24,7 +24,7 @@ def curve_plot(fit: TableResult, readings: SampleView, scale: Scale) -> Plot:
     for branch in branches:
         _draw_branch(axes, branch)
     _frame_curve(axes, branches, readings)
-    axes.set_xlabel(f"{fit.masters[0]} in {fit.units[0]}")
+    axes.set_xlabel(branches[0].labels[0])
     axes.set_ylabel(f"error of {fit.axis} in {scale.error}")
     axes.margins(x=0.02)
     figure.legend(*_unique(axes), loc="outside upper right", ncols=2)

@@ -26,7 +26,7 @@ def error_map(fit: TableResult, readings: SampleView, scale: Scale) -> Plot:
     (table,) = branches_of(fit, scale)
     figure, (axes,) = style.new_figure(map_height(table) + 0.5)
     span = symmetric(table.value)
-    mesh = heat(axes, table, table.value, (-span, span))
+    mesh = style.heat(axes, table.nodes, table.value, (-span, span), table.labels)
     bar(figure, mesh, [axes], f"error of {fit.axis} in {scale.error}")
     drawn = min(len(readings.error), style.DRAWN_POINTS)
     style.marks(
@@ -42,7 +42,6 @@ def error_map(fit: TableResult, readings: SampleView, scale: Scale) -> Plot:
             label="wild reading",
         )  # fmt: skip
     hatch(axes, table)
-    label(axes, table)
     handles, _ = axes.get_legend_handles_labels()
     if not table.measured.all():
         look: dict[str, Any] = {"facecolor": "none", "edgecolor": "#444444"}
@@ -67,18 +66,18 @@ def coverage_maps(fit: TableResult, scale: Scale) -> Plot:
         figure, (above, below) = style.new_figure(2 * height + 0.8, 2, 1)
     # Unmeasured nodes, always the worst, do not stretch the colours.
     sd = table.sd[table.measured] if table.measured.any() else table.sd
-    mesh = heat(above, table, table.sd, (0.0, float(sd.max()) * 1.05 or 1.0))
+    limits = 0.0, float(sd.max()) * 1.05 or 1.0
+    mesh = style.heat(above, table.nodes, table.sd, limits, table.labels)
     bar(figure, mesh, [above], f"sd in {scale.error}")
     largest = max(float(np.quantile(table.support, 0.98)), 1.0)
-    mesh = heat(below, table, table.support.astype(float), (0.0, largest))
+    support = table.support.astype(float)
+    mesh = style.heat(below, table.nodes, support, (0.0, largest), table.labels)
     counts = bar(figure, mesh, [below], "readings per node")
     counts.locator = MaxNLocator(integer=True)
     above.set_title("standard deviation")
     below.set_title("readings that touch it")
     hatch(above, table)
     hatch(below, table, colour="white")
-    label(above, table)
-    label(below, table)
     caption = _say_coverage(table, scale)
     return Plot("coverage", "How well each node is known", figure, caption)
 
@@ -105,28 +104,6 @@ def _say_coverage(table: Fitted, scale: Scale) -> str:
     return text
 
 
-def heat(
-    axes: Axes,
-    table: Fitted,
-    value: Float[np.ndarray, "j i"],
-    limits: tuple[float, float],
-) -> QuadMesh:
-    """Draw a value per node, in colours that part at 0 where the limits lie about it."""
-    axes.grid(False)
-    mesh = axes.pcolormesh(
-        style.borders(table.nodes[0]),
-        style.borders(table.nodes[1]),
-        value,
-        cmap=style.DIVERGING if limits[0] < 0 else style.SEQUENTIAL,
-        vmin=limits[0],
-        vmax=limits[1],
-        rasterized=True,
-    )
-    if 0.25 <= _ratio(table) <= 1.2:
-        axes.set_aspect("equal")
-    return mesh
-
-
 def hatch(axes: Axes, table: Fitted, colour: str = "#444444") -> None:
     """Hatch the cells of all nodes without readings."""
     empty = ~table.measured
@@ -151,17 +128,8 @@ def bar(figure: Figure, mesh: QuadMesh, panels: list[Axes], label: str) -> Color
     return drawn
 
 
-def label(axes: Axes, table: Fitted) -> None:
-    axes.set_xlabel(f"{table.masters[0]} in {table.units[0]}")
-    axes.set_ylabel(f"{table.masters[1]} in {table.units[1]}")
-
-
-def _ratio(table: Fitted) -> float:
-    return float(np.ptp(table.nodes[1])) / (float(np.ptp(table.nodes[0])) or 1.0)
-
-
 def map_height(table: Fitted) -> float:
-    return float(np.clip(5.6 * _ratio(table), 1.9, 4.8)) + 0.3
+    return float(np.clip(5.6 * style.height_of(table.nodes), 1.9, 4.8)) + 0.3
 
 
 def symmetric(value: Float[np.ndarray, "..."]) -> float:
