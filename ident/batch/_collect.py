@@ -67,6 +67,7 @@ def collect_jobs(arguments: Sequence[str | Path], out: Path) -> tuple[Task, ...]
     Raises:
         BatchError: If something does not exist, a table cannot be read, a name is no name,
             or there is no job at all.
+        TomlError: If a table is no UTF-8.
     """
     files: dict[Path, Path] = {}
     tasks: list[Task] = []
@@ -145,7 +146,6 @@ def _tasks(path: Path, jobs: Path) -> Iterator[Task]:
         jobs: Folder that the job files are going to lie in.
     """
     templates: dict[Path, dict[str, Any]] = {}
-    named: dict[str, int] = {}
     for number, row in enumerate(_table_rows(path), start=1):
         given = row.pop("job", None)
         name = f"{path.stem}-{number:05d}" if given in (None, "") else str(given)
@@ -153,9 +153,6 @@ def _tasks(path: Path, jobs: Path) -> Iterator[Task]:
         if not name.strip(". ") or marked or len(os.fsencode(name)) > LONGEST_NAME:
             reason = f"row {number}: found {name!r}, expected a name fit for a folder"
             raise BatchError(str(path), reason)
-        if named.setdefault(name, number) != number:
-            reason = f"rows {named[name]} and {number}: found two jobs named {name!r},"
-            raise BatchError(str(path), f"{reason} expected names of their own")
         tree: dict[str, Any] = {}
         fault: str | None = None
         template = row.pop("template", None)
@@ -163,10 +160,13 @@ def _tasks(path: Path, jobs: Path) -> Iterator[Task]:
         if template:
             try:
                 if base not in templates:
-                    templates[base] = _template(base)
+                    templates[base] = read_toml(base)[1]
                 tree = _rebased(templates[base], base.parent, jobs)
-            except BatchError as error:
-                fault = f"row {number}: {error}"
+            except TomlError as error:
+                fault = f"row {number}: template {error}"
+            except OSError as error:
+                found = f"found {error.strerror}, expected a job file"
+                fault = f"row {number}: template {base}: {found}"
         cells = {key: cell for key, cell in row.items() if cell not in (None, "")}
         for key, cell in cells.items():
             parts = key.split(".")
@@ -233,9 +233,6 @@ def _table_rows(path: Path) -> list[dict[str, Any]]:
             )
         else:
             table = pq.read_table(path)
-    except TomlError as error:
-        where = f"{path}:{error.line}"
-        raise BatchError(where, error.reason) from None
     except pa.ArrowException as error:
         reason = f"cannot read the table of jobs: {str(error).splitlines()[0]}"
         raise BatchError(str(path), reason) from None
@@ -253,19 +250,6 @@ def _table_rows(path: Path) -> list[dict[str, Any]]:
     if not table.num_rows:
         raise BatchError(str(path), "found no rows, expected one per job")
     return list(table.to_pylist())
-
-
-def _template(path: Path) -> dict[str, Any]:
-    try:
-        return read_toml(path)[1]
-    except OSError as error:
-        reason = f"found {error.strerror}, expected a job file"
-        where = f"template {path}"
-        raise BatchError(where, reason) from None
-    except TomlError as error:
-        place, _, reason = str(error).partition(": ")
-        where = f"template {place}"
-        raise BatchError(where, reason) from None
 
 
 def _value(key: str, cell: Any) -> Any:

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from axcomp.data.errors import AxcompError
 from axcomp.ident.batch import query_results, run_batch
 from axcomp.ident.batch._collect import collect_jobs
 from axcomp.ident.batch._folder import BatchError
@@ -27,7 +28,7 @@ LASER = JOB.replace("[measurements.m]", "[measurements.laser]") + (
     ("table", "match"),
     [
         ("job,template\nx,a.toml\ny,a.toml\nx,a.toml\n",
-         r"t\.csv: rows 1 and 3: found two jobs named 'x'"),
+         r"t\.csv: found two jobs named 'x'"),
         ("job,template\nx,nix.toml\ny,nix.toml\n",
          r"t\.csv: row 1: template .*nix\.toml: found No such file or directory, expected"),
         ("job,template\nx,bad.toml\n", r"t\.csv: row 1: template .*bad\.toml:1: not TOML"),
@@ -107,7 +108,7 @@ def test_a_table_or_template_that_is_no_utf_8_is_refused_as_a_job_is(
         file.write("# Fräse,a.toml\n".encode("latin-1"))
     line = 3 if name == "t.csv" else 5
     match = rf"{name}:{line}: found byte 0xe4, expected UTF-8 text"
-    with pytest.raises(BatchError, match=match):
+    with pytest.raises(AxcompError, match=match):
         collect_jobs([str(tmp_path / "t.csv")], tmp_path / "out")
 
 
