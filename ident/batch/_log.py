@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from ...data.measurements import (
-    BadCell,
     MeasurementError,
     Table,
     TablePart,
@@ -93,14 +92,7 @@ def _samples(headers: Sequence[str], factor: float, table: Table) -> Samples:
     Raises:
         CellError: If a cell holds no finite number.
     """
-    columns = [table.column(name) for name in headers]
-    for column in columns:
-        bad = column.bad
-        if column.text is not None:
-            bad = BadCell(int(table.lines[0]), column.text[0])
-        if bad is not None:
-            raise table.cell_error(column, bad, "a finite number")
-    *positions, error = (column.values for column in columns)
+    *positions, error = (table.numbers(table.column(name)) for name in headers)
     return Samples(
         # Column after column: that is how they come, and how they are looked at.
         np.array(positions).T,
