@@ -141,9 +141,7 @@ _WITH_FILES = ("machine", "axes", "measurements", "verify")
 def _tasks(path: Path, jobs: Path) -> Iterator[Task]:
     """Yield the job of every row of a table; that of a row that makes none has its fault.
 
-    Args:
-        path: CSV or Parquet; paths in it are relative to it.
-        jobs: Folder that the job files are going to lie in.
+    Paths in the table are relative to it; the job files are going to lie in a folder of jobs.
     """
     templates: dict[Path, dict[str, Any]] = {}
     for number, row in enumerate(_table_rows(path), start=1):
@@ -283,13 +281,9 @@ def _put(tree: Any, parts: Sequence[str], value: Any) -> None:
 
 
 def _rebased(tree: Any, old: Path, new: Path, path: tuple[str, ...] = ()) -> Any:
-    """Return a copy of a tree whose files are named relative to another folder.
+    """Return a job, or a value of one, whose files are named relative to another folder.
 
-    Args:
-        tree: A job, or a value of one.
-        old: Folder that its files are named relative to.
-        new: Folder of the job.
-        path: Keys that lead to the tree, without numbers of items.
+    The path are the keys that lead to the value, without numbers of items.
     """
     if isinstance(tree, Mapping):
         return {k: _rebased(v, old, new, (*path, k)) for k, v in tree.items()}

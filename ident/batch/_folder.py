@@ -38,11 +38,8 @@ def begin(
 ) -> dict[str, Any]:
     """Write ``batch.json`` for a batch that begins now, and return what it says.
 
-    Args:
-        folder: Of the batch.
-        arguments: What was asked for.
-        jobs: Hash of every job file, by name of the job.
-        resume: Go on with the batch in the folder; without one, begin.
+    Beside the arguments it holds the hash of every job file, by name of the job. To resume is
+    to go on with the batch in the folder; without one, to begin.
 
     Raises:
         BatchError: If the folder holds something else: a batch that was not to be gone on

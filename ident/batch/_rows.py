@@ -121,14 +121,10 @@ Row = dict[str, Any]
 def rows_of(
     name: str, folder: str, verified: bool, job_hash: str, result: Mapping[str, Any]
 ) -> list[Row]:
-    """Return the rows of a job that ran, one per fit.
+    """Return the rows of a job that ran, one per fit, of what its ``result.json`` holds.
 
-    Args:
-        name: Of the job.
-        folder: Of its files, relative to that of the batch.
-        verified: Whether every convention that it used is verified.
-        job_hash: SHA-256 of the job file.
-        result: Its ``result.json``, or the tree that is written there.
+    The folder of its files is relative to that of the batch; it is verified where every
+    convention that it used is.
     """
     machine = result["machine"]
     common = {

@@ -303,11 +303,7 @@ def published(task: Task, order: Order) -> list[Row] | None:
 
 
 def _refuse_own(task: Task, folder: Path) -> None:
-    """Raise where a job reads what an earlier run of it wrote.
-
-    Raises:
-        BatchError: Naming the file.
-    """
+    """Refuse a job that reads what an earlier run of it wrote, with a `BatchError`."""
     from ..job import load_job
 
     job = load_job(task.path)
@@ -321,11 +317,7 @@ def _refuse_own(task: Task, folder: Path) -> None:
 
 
 def _take_away(folder: Path) -> None:
-    """Move what an earlier run of the batch wrote for a job into ``earlier/``.
-
-    Raises:
-        BatchError: If it stays.
-    """
+    """Move what an earlier run of the batch wrote for a job into ``earlier/``, or raise."""
     if not folder.exists():
         return
     earlier = folder.parent.parent / _EARLIER

@@ -69,11 +69,9 @@ def _deaf() -> Iterator[None]:
 
 @contextlib.contextmanager
 def workers_of(scheduler: str | None, count: int | None) -> Iterator[Any]:
-    """Connect to a scheduler, or start workers here, and yield the client.
+    """Connect to a scheduler (``tcp://host:8786``), or start workers here, and yield the client.
 
-    Args:
-        scheduler: Address of a running scheduler (``tcp://host:8786``), or None.
-        count: Local workers; one per core where None.
+    As many workers as cores where no count is given.
 
     Raises:
         BatchError: If the scheduler does not answer.
@@ -147,12 +145,6 @@ def run_chunks(
 
     A chunk that loses its workers again and again is run job by job; a job that then does so
     twice over is the one at fault.
-
-    Args:
-        client: Of the workers.
-        tasks: The jobs.
-        order: What holds for all of them.
-        size: Jobs of a chunk.
 
     Raises:
         ConnectionError: If the scheduler is lost.

@@ -131,11 +131,7 @@ def _with_wild(test: "Iso230Test") -> "Iso230Test":
 
 
 def _columns(texts: Sequence[str], axis: str | None) -> "dict[str, ColumnSpec]":
-    """Return the column of each role that was named; empty: as the file says.
-
-    Raises:
-        UsageError: If one is no ``ROLE=COLUMN`` with a role of a positioning test.
-    """
+    """Return the column of each role that was named; empty: as the file says."""
     from ...data.measurements import ColumnSpec, find_unit
 
     expected = "ROLE=COLUMN with role target, actual, error, run or direction, such as error=dx:um"

@@ -23,11 +23,7 @@ def draw_tables(
     out: pathlib.Path,
     old: Sequence[OffsetCurve] | None = None,
 ) -> list[pathlib.Path]:
-    """Draw each table of a list, over those of an old one if given; return the files.
-
-    Raises:
-        OSError: If the folder cannot be written.
-    """
+    """Draw each table of a list, over those of an old one if given; return the files."""
     sides = [("", new)] if old is None else [("old", old), ("new", new)]
     paths: list[pathlib.Path] = []
     every = (curve for _, side in reversed(sides) for curve in side)

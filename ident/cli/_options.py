@@ -71,11 +71,7 @@ def _declared(parameter: inspect.Parameter, text: "re.Match[str] | None") -> Any
 
 
 def positive(value: float | None) -> float | None:
-    """Return the value of an option that must be a number above 0, if it is given.
-
-    Raises:
-        BadParameter: If it is not.
-    """
+    """Return the value of an option that must be a number above 0, if it is given."""
     if value is not None and not 0 < value < math.inf:
         message = f"found {value:g}, expected more than 0"
         raise typer.BadParameter(message)
@@ -138,11 +134,7 @@ RANGE = rf"\s*(?P<low>{_NUMBER})\s*:\s*(?P<high>{_NUMBER})\s*"
 def read_lists(files: Sequence[Path]) -> "list[ListFile]":
     """Return the lists; one that a glob and a name both give is one list all the same.
 
-    A folder stands for the lists in it.
-
-    Raises:
-        OSError: If a file cannot be read.
-        FoundError: If a folder holds no list.
+    A folder stands for the lists in it; one that holds none is refused.
     """
     from ...data.lists import ListFile
 
@@ -158,22 +150,15 @@ def read_lists(files: Sequence[Path]) -> "list[ListFile]":
 
 
 def refuse_input(path: Path, option: str, inputs: Iterable[Path]) -> None:
-    """Raise where a file to be written is one that is read, whatever may be replaced.
-
-    Raises:
-        UsageError: Naming it.
-    """
+    """Refuse to write a file that is read, whatever may be replaced."""
     if path.resolve() in {file.resolve() for file in inputs}:
         refuse(option, f"{path}, which is an input", "another file")
 
 
 def refuse_existing(path: Path, option: str, *, force: bool | None = None) -> None:
-    """Raise where a file to be written exists, or its folder does not or is a file.
+    """Refuse to write a file that exists, or whose folder does not or is a file.
 
     By force it may be replaced; None: the command has no such option.
-
-    Raises:
-        UsageError: Naming what to do.
     """
     if not path.parent.is_dir():
         state = "is a file" if path.parent.exists() else "does not exist"
@@ -184,21 +169,13 @@ def refuse_existing(path: Path, option: str, *, force: bool | None = None) -> No
 
 
 def refuse(option: str, found: str, expected: str) -> NoReturn:
-    """Raise the error of an option that cannot be used.
-
-    Raises:
-        UsageError: Always.
-    """
+    """Raise the `UsageError` of an option that cannot be used."""
     message = f"{option}: found {found}, expected {expected}"
     raise UsageError(message)
 
 
 def matched(option: str, text: str, pattern: str, expected: str) -> "re.Match[str]":
-    """Return what an option says as the groups of a pattern.
-
-    Raises:
-        UsageError: If it says something else.
-    """
+    """Return what an option says as the groups of a pattern; refuse anything else."""
     match = re.fullmatch(pattern, text)
     if match is None:
         refuse(option, repr(text), expected)
@@ -206,12 +183,7 @@ def matched(option: str, text: str, pattern: str, expected: str) -> "re.Match[st
 
 
 def read_shown_list(path: Path) -> "ListFile":
-    """Return the list in a file that is to be shown: it must hold something.
-
-    Raises:
-        OSError: If the file cannot be read.
-        FoundError: If no line of it is an entry, or it is no text.
-    """
+    """Return the list in a file that is to be shown; refuse one without any entry."""
     from ...data.lists import ListFile
 
     listing = ListFile.read(path)
@@ -235,9 +207,6 @@ def by_axis(
     """Return what an option such as ``A4=0:360`` says of axes, by number, as groups of a pattern.
 
     The pattern is that of what stands behind ``A4=``; what is expected ends with an example.
-
-    Raises:
-        UsageError: If a text is something else.
     """
     pattern, expected = rf"A?(?P<axis>\d{{1,5}})={value}", f"an axis and {expected}"
     matches = [matched(option, text, pattern, expected) for text in texts or ()]
@@ -250,11 +219,7 @@ def axis_ranges(
     expected: str = "its range as in A4=0:360",
     limit: float = math.inf,
 ) -> dict[int, tuple[float, float]]:
-    """Return what an option says of axes, two ascending ends each, by axis number.
-
-    Raises:
-        UsageError: If a text is something else.
-    """
+    """Return what an option says of axes, two ascending ends each, by axis number."""
     matches = by_axis(texts, option, RANGE, expected).items()
     words = f"an axis and {expected}"
     return {
@@ -265,11 +230,7 @@ def axis_ranges(
 def ascending(
     match: "re.Match[str]", option: str, expected: str, *, limit: float = math.inf
 ) -> tuple[float, float]:
-    """Return the two ends that `RANGE` has found.
-
-    Raises:
-        UsageError: If they do not ascend, or lie beyond a limit.
-    """
+    """Return the two ends that `RANGE` has found; refuse what does not ascend in the limit."""
     low, high = float(match["low"]), float(match["high"])
     if not (-limit <= low < high <= limit and math.isfinite(high - low)):
         refuse(option, repr(match[0]), expected)

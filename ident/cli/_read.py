@@ -61,11 +61,7 @@ def read(
 
 
 def _lines(text: str) -> int | list[int]:
-    """Return a number of lines, or which ones.
-
-    Raises:
-        UsageError: If the text is neither.
-    """
+    """Return a number of lines, or which ones."""
     pattern = r"[\[\] ]*\d+(\s*,\s*\d+)*[\[\] ]*"
     matched("--skip", text, pattern, "a number such as 3, or lines such as [7]")
     numbers = [int(digits) for digits in re.findall(r"\d+", text)]

@@ -37,10 +37,7 @@ def list_views(
 ) -> Iterator[RenderableType]:
     """Return what to print of a list, from its head to its tables.
 
-    Args:
-        file: The list.
-        rules: How its tables are read, as `offset_curves`.
-        verified: The rules that a measurement has shown; the others are assumed.
+    Tables are read by rules as in `offset_curves`; those not verified are assumed.
     """
     yield Text(_headline(file), style="bold")
     if file.remarks:

@@ -204,12 +204,7 @@ def _content(columns: "dict[str, np.ndarray]", *, parquet: bool = False) -> byte
 def _motion_in(table: "Table", ranges: "Mapping[int, tuple[float, float]]") -> "Motion":
     """Return the motion of a file, in mm, °, s and °C; columns are roles of axis numbers.
 
-    Args:
-        table: As read.
-        ranges: Of the axes that go round, in °.
-
-    Raises:
-        MeasurementError: If an axis is no number, or there is no position.
+    Refuses an axis that is no number, and a file without a position.
     """
     from ...data.measurements import MeasurementError, measurement
     from ..exchange import Motion
@@ -233,18 +228,9 @@ def _motion_in(table: "Table", ranges: "Mapping[int, tuple[float, float]]") -> "
 def _events_in(table: "Table", motion: "Motion") -> "tuple[ControllerEvent, ...]":
     """Return the events of a file in the order of their rows.
 
-    An event acts from the first row at its time or after. Several stand in one cell with
-    ``;`` between. A list that is loaded again is looked for beside the file.
-
-    Args:
-        table: Columns ``time`` in s, ``axis`` (``A3`` or 3; empty or missing: all axes)
-            and ``event``.
-        motion: Where the rows are.
-
-    Raises:
-        MeasurementError: If a column is missing, or a time or an axis cannot be read.
-        ExchangeError: If an event is none.
-        OSError: If a list that is loaded again cannot be read.
+    Its columns are ``time`` in s, ``axis`` (``A3`` or 3; empty or missing: all axes) and
+    ``event``. An event acts from the first row at its time or after. Several stand in one
+    cell with ``;`` between. A list that is loaded again is looked for beside the file.
     """
     from ...data.measurements import LineError, MeasurementError
 

@@ -52,13 +52,10 @@ class Instrument:
         run: Int[np.ndarray, " t"],
         rng: np.random.Generator,
     ) -> tuple[Column, Bool[np.ndarray, " t"]]:
-        """Return the readings in mm, and which of them are wild.
+        """Return the readings in mm of a true error, and which of them are wild.
 
-        Args:
-            error: True error in mm in the order of measuring.
-            along: Position along the instrument's own line in mm.
-            run: Run of each reading, 0, 1, …, ascending.
-            rng: Source of chance.
+        In the order of measuring: the error and the position along the instrument's own
+        line in mm, and the ascending run 0, 1, ….
         """
         size = len(error)
         runs = int(run.max(initial=0)) + 1
@@ -78,12 +75,7 @@ class Instrument:
     def follow(
         self, actual: Column, rng: np.random.Generator
     ) -> tuple[Column, Bool[np.ndarray, " t"]]:
-        """Return the readings in mm, one per cycle, and which of them are wrong.
-
-        Args:
-            actual: Where the axis is, cycle by cycle.
-            rng: Source of chance.
-        """
+        """Return a reading in mm of each cycle of an axis, and which of them are wrong."""
         size = len(actual)
         late = self.delay / CYCLE + self.rate * np.arange(size)
         reading = _between(actual, np.arange(size) - late) + self.zero
@@ -147,10 +139,7 @@ def following(
 ) -> Float[np.ndarray, " n"]:
     """Return the solution of T' = (value − T) / lag from where the values start.
 
-    Args:
-        values: At equal steps.
-        lag: In s; 0: the values themselves.
-        step: In s.
+    The values stand at equal steps in s, the lag is in s; 0: the values themselves.
     """
     from scipy.signal import lfilter
 

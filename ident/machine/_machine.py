@@ -79,12 +79,10 @@ class VirtualMachine:
     def error(
         self, axis: str, positions: Columns, direction: Int[np.ndarray, " t"]
     ) -> Column:
-        """Return the error at standstill in mm with the active lists.
+        """Return the error of an axis at standstill in mm with the active lists.
 
-        Args:
-            axis: Axis whose error is asked for.
-            positions: Commanded positions in mm of all axes that matter to it.
-            direction: Of the last motion of ``axis``, ±1.
+        Asked for at commanded positions in mm of all axes that matter to it, after a last
+        motion of the axis in a direction of ±1.
         """
         total = self.true_error(axis, State(positions, {axis: direction}))
         if self.controller is None:
@@ -131,17 +129,9 @@ def measure(
     runs: int = 1,
     ways: tuple[int, ...] = (1,),
 ) -> Reading:
-    """Measure the error of an axis where others stand, or it does itself.
+    """Measure the error of an axis at points in mm of the axes that are moved.
 
-    Args:
-        machine: What is measured.
-        axis: Whose error is read.
-        moved: Axes that move.
-        points: Their places in mm, in the order of measuring.
-        instrument: What reads it.
-        seed: Of chance.
-        runs: How often all of it is done.
-        ways: Of each run: 1 in the order of the points, −1 back over them.
+    Each run goes over the points in their order (way 1), back over them (−1), or both.
     """
     single = np.concatenate([points[::step] for step in ways])
     run = np.repeat(np.arange(runs), len(single))
@@ -157,11 +147,8 @@ def measure(
 def write_reading(path: Path, header: str, reading: Reading) -> None:
     """Write a measurement as CSV, with positions in mm and errors in µm.
 
-    Args:
-        path: File to write.
-        header: Names of the columns: ``run`` and ``direction``, where they are wanted, the
-            positions, and the error.
-        reading: The measurement.
+    The header names the columns: ``run`` and ``direction``, where they are wanted, the
+    positions, and the error.
     """
     stated = {"run": (reading.run, "%d"), "direction": (reading.direction, "%+d")}
     used = [stated[name] for name in header.split(",") if name in stated]

@@ -32,9 +32,7 @@ class Programme:
 class Path:
     """Builds a programme piece by piece; speeds rise and fall without a jump in force.
 
-    Args:
-        start: Where each axis stands at first, in mm.
-        acceleration: Largest along the path, in mm/s².
+    It starts from a place in mm; its largest acceleration along the path is in mm/s².
     """
 
     def __init__(self, start: Mapping[str, float], acceleration: float) -> None:

@@ -10,11 +10,8 @@ from matplotlib.figure import Figure
 class Plot:
     """One plot of the report.
 
-    Attributes:
-        name: Part of the file name in ``plots/``, in lower case with hyphens.
-        title: Heading over the plot.
-        figure: The drawing.
-        caption: What the reader should see in *this* data, computed from it.
+    Its name is part of that of the file in ``plots/``, in lower case with hyphens; its
+    caption says what the reader should see in *this* data, computed from it.
     """
 
     name: str

@@ -9,9 +9,7 @@ from ..job import (
     AbstractResult,
     Code,
     ErrorFigures,
-    Remark,
     Verdict,
-    by_level,
     some_of,
 )
 from ..kinds import kind
@@ -47,24 +45,18 @@ ISO = frozenset("AREBM")
 
 @dataclasses.dataclass(frozen=True)
 class Section:
-    """Everything that the page says of one fit.
+    """Everything that the page says of one fit, in its display units.
 
     Attributes:
         name: In anchors and names of files.
         heading: With its place in the job.
-        verdict: Its headline.
-        remarks: Errors first.
         stages: Stages of the error that are shown.
         rows: Figures of the error by name, as `figure_rows` has them.
-        body: Plots and sentences.
-        fit: What the job found.
-        scale: Display units.
     """
 
     name: str
     heading: str
     verdict: Headline
-    remarks: tuple[Remark, ...]
     stages: Sequence[str]
     rows: Mapping[str, tuple[str, list[str]]]
     body: Body
@@ -99,7 +91,6 @@ def section_of(fit: AbstractResult, place: int) -> Section:
         name=f"{place}-{fit.compensation}-{safe}",
         heading=f"{place}. {fit.compensation.capitalize()} of {fit.axis}{over}",
         verdict=headline_of(fit, scale),
-        remarks=by_level(fit.remarks),
         stages=stages,
         rows=rows,
         body=body_of(fit, scale),

@@ -146,17 +146,9 @@ def draw_cloud(
     alpha: float = 0.7,
     most: int = 3000,
 ) -> None:
-    """Draw readings as marks that tell their direction.
+    """Draw readings as marks that tell their direction (±1, or 0), so many of each at most.
 
-    Args:
-        axes: Where to.
-        where: Place of each reading.
-        value: Its error.
-        direction: ±1, or 0.
-        size: Of a mark in points; None: the smaller, the more there are.
-        names: In the legend, by direction.
-        alpha: Opacity.
-        most: Readings of one direction that are drawn.
+    Without a size in points marks are the smaller, the more there are.
     """
     for sign in (1, -1, 0):
         rows = np.flatnonzero(direction == sign)

@@ -40,11 +40,7 @@ class FolderError(FoundError):
 
 
 def claim_folder(out: Path) -> None:
-    """Make the folder, or make sure that everything in it is the demo's own.
-
-    Raises:
-        FolderError: If it holds files that no demo made, or that were changed since.
-    """
+    """Make the folder; refuse one with files that no demo made, or that were changed since."""
     if out.exists() and not out.is_dir():
         raise FolderError(str(out), "a file of that name", _OWN)
     out.mkdir(parents=True, exist_ok=True)

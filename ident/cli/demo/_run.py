@@ -75,14 +75,9 @@ class DemoResult:
 
 
 def run_demo(out: Path, say: Callable[[str], None]) -> DemoResult:
-    """Run the whole demo into a folder.
+    """Run the whole demo into a folder, empty, missing, or left by an earlier demo.
 
-    Args:
-        out: Folder; empty, missing, or left by an earlier demo.
-        say: Called with a short line before each step.
-
-    Raises:
-        FolderError: If the folder holds what no demo made.
+    Says a short line before each step; refuses a folder that holds what no demo made.
     """
     start = time.perf_counter()
     files.claim_folder(out)
