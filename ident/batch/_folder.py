@@ -66,13 +66,11 @@ def begin(
             raise BatchError(str(path), reason) from None
         missing = [name for name in before if name not in jobs]
         if missing:
-            alike = [name for name in jobs if name.endswith(f"-{missing[0]}")]
-            also = "; files of one name are told apart by their folders, here as"
             raise BatchError(
                 str(folder),
                 f"found a batch with the job {missing[0]!r}, which is not among the"
-                f" {len(jobs)} given now, expected the same jobs (or more)"
-                + (f"{also} {', '.join(alike)}" if alike else ""),
+                f" {len(jobs)} given now, expected the same jobs (or more; files of one name"
+                " are told apart by their folders)",
             )
     packages = ("axcomp", "numpy", "scipy", "jax", "distributed", "pyarrow")
     manifest = {

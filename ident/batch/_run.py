@@ -110,13 +110,9 @@ def run_batch(
     for folder in history:
         read_results(folder)  # before the night, not after it
     out = out.resolve()
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        reason = f"cannot write into the folder of the batch: {error.strerror}"
-        if out.is_file():
-            reason = "found a file, expected a folder"
-        raise BatchError(str(out), reason) from None
+    if out.is_file():
+        raise BatchError(str(out), "found a file, expected a folder")
+    out.mkdir(parents=True, exist_ok=True)
     with locked(out):
         tasks = collect_jobs(jobs, out)
         hashes = {task.name: task.sha256 for task in tasks}

@@ -4,7 +4,7 @@ import dataclasses
 import datetime
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ._console import note, print_result, working
 from ._options import (
@@ -21,7 +21,7 @@ from ._options import (
 
 if TYPE_CHECKING:
     from ..exchange import StoredConventions
-    from ..proof import Measured, Verdict, Verification
+    from ..proof import Diagnosis, Measured, Verdict, Verification
 
 
 def verify(
@@ -77,25 +77,29 @@ def verify(
                 answer = verify_log(lists, logged, reading)
         verdicts = (*outside, *answer.verdicts)
         answer = dataclasses.replace(answer, verdicts=verdicts)
-    print_result(
-        [_json(item) for item in verdicts] if as_json else None,
-        [f"A{item.axis} {item.compensation}: {item.sentence}" for item in verdicts],
-    )
+    trees = [_json(item, f"A{item.axis}") for item in verdicts]
+    for tree in trees:
+        if (
+            len(tree["value"]) < 2
+        ):  # several only where several verdicts explain the log
+            tree["value"] = next(iter(tree["value"]), None)
+    _print(trees, as_json=as_json)
     note(answer.remarks)
     if save is not None:
         _save(save, stored, answer)
     return answer.agrees
 
 
-def _json(verdict: "Verdict") -> Mapping[str, object]:
-    values = verdict.value
-    return {
-        "axis": f"A{verdict.axis}",
-        "compensation": verdict.compensation,
-        "verdict": list(verdict.verdict),
-        "value": values[0] if len(values) == 1 else list(values) or None,
-        "sentence": verdict.sentence,
-    }
+def _json(answer: "Verdict | Diagnosis", axis: str) -> dict[str, Any]:
+    keys = ("compensation", "verdict", "value", "sentence")
+    return {"axis": axis} | {key: getattr(answer, key) for key in keys}
+
+
+def _print(trees: Sequence[Mapping[str, Any]], *, as_json: bool) -> None:
+    lines = [
+        f"{each['axis']} {each['compensation']}: {each['sentence']}" for each in trees
+    ]
+    print_result(trees if as_json else None, lines)
 
 
 def _save(path: Path, stored: "StoredConventions", answer: "Verification") -> None:
@@ -191,14 +195,6 @@ def doctor(
     missing = unlisted(lists, *outside, new.conventions, names)
     parts = _parts_seen(*outside, {each.axis for each in diagnoses}, names)
     note((*not_judged(lists, new.conventions, names), *missing, *parts), "")
-    keys = ("compensation", "verdict", "value", "sentence")
-    trees = [
-        {"axis": names.get(answer.axis, f"A{answer.axis}")}
-        | {key: getattr(answer, key) for key in keys}
-        for answer in diagnoses
-    ]
-    lines = [
-        f"{each['axis']} {each['compensation']}: {each['sentence']}" for each in trees
-    ]
-    print_result(trees if as_json else None, lines)
+    axes = (names.get(answer.axis, f"A{answer.axis}") for answer in diagnoses)
+    _print([*map(_json, diagnoses, axes)], as_json=as_json)
     return all(answer.is_right for answer in diagnoses) and not missing

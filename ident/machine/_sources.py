@@ -172,8 +172,6 @@ def part_growth(
 
     def error(at: State) -> Column:
         warmer = at.temperature.get(part, np.full(at.rows, HALL)) - HALL
-        if not stretch:
-            return shift * warmer
         return warmer * (shift + stretch * (at.position[axis] - reference))
 
     return ErrorSource(axis, "temperature", error)

@@ -23,16 +23,16 @@ class Scale:
 
     def shown(self, value: float, *, signed: bool = False) -> str:
         """Return an error in library units for reading, with its unit."""
-        return f"{number(value * self.factor, signed=signed)} {self.error}"
+        return f"{self.figure(value, signed=signed)} {self.error}"
 
-    def figure(self, value: float) -> str:
+    def figure(self, value: float, *, signed: bool = False) -> str:
         """Return an error in library units for reading.
 
         Currents come in units of very different size: three significant digits.
         """
         if self.factor == 1.0:
             return _with_minus(f"{value:.3g}") if math.isfinite(value) else "–"
-        return number(value * self.factor)
+        return number(value * self.factor, signed=signed)
 
 
 def scale_of(unit: str) -> Scale:

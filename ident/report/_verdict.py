@@ -150,7 +150,7 @@ def _no_gain(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
         if apart > _APART * fit.fit.noise:
             sides = "; where they came from different sides, state their direction"
             explanation = (
-                f" Its runs lie up to {scale.figure(apart)} {scale.error} apart: where each had"
+                f" Its runs lie up to {scale.shown(apart)} apart: where each had"
                 " a zero of its own, give it as a measurement of its own, with remove ="
                 f' "offset"{sides if fit.fit.layout.branches == 1 else ""}.'
             )
@@ -213,7 +213,7 @@ def _moved(fit: AbstractResult, scale: Scale, find: str) -> str:
             " instrument), take the other flank as the right one, and measure again"
         )
     return (
-        f": without it {scale.figure(fit.again.trend.rest)} {scale.error} would be left, as"
+        f": without it {scale.shown(fit.again.trend.rest)} would be left, as"
         f" predicted. {find} what moved {fit.axis} since: its temperature, or the zero of the"
         " instrument"
     )
@@ -300,10 +300,10 @@ def _less_than_predicted(fit: AbstractResult, scale: Scale, _: Reason) -> str:
     start = "Better, but less than predicted" if better else "Hardly any better"
     fall = _fall(fit, scale)
     if fit.group is not None:  # what was measured again is under all of its lists
-        before, predicted = scale.figure(again.before), scale.figure(again.predicted)
+        before, predicted = scale.figure(again.before), scale.shown(again.predicted)
         fall = (
-            f"the error of {fit.axis} was to fall from {before} to {predicted} {scale.error}"
-            " rms with all lists of its group"
+            f"the error of {fit.axis} was to fall from {before} to {predicted} rms with all"
+            " lists of its group"
         )
     words = _diagnosis_of(again)
     if again.trend is not None and again.acts:
@@ -363,7 +363,7 @@ def _again(fit: AbstractResult, scale: Scale) -> str:
     mostly = "" if second.trend is None else f", nearly all of it {second.trend.words}"
     beyond = "" if second.readings is None else second.readings.beyond
     mostly += f" ({beyond})" if beyond else ""
-    return f"{text} found {scale.figure(second.rms)} {scale.error} rms{mostly}"
+    return f"{text} found {scale.shown(second.rms)} rms{mostly}"
 
 
 def _fall(fit: AbstractResult, scale: Scale, listed: bool = True) -> str:
@@ -389,7 +389,4 @@ def _fall(fit: AbstractResult, scale: Scale, listed: bool = True) -> str:
 
 
 def _size(figures: ErrorFigures, scale: Scale) -> str:
-    return (
-        f"{scale.figure(figures.rms)} {scale.error} rms (largest "
-        f"{scale.figure(figures.max)} {scale.error})"
-    )
+    return f"{scale.shown(figures.rms)} rms (largest {scale.shown(figures.max)})"
