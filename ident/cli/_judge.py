@@ -23,6 +23,9 @@ if TYPE_CHECKING:
     from ..exchange import StoredConventions
     from ..proof import Diagnosis, Measured, Verdict, Verification
 
+_FAR = 0.1
+"""Part of the longest travel from which on that of an axis counts."""
+
 
 def verify(
     files: Lists,
@@ -134,25 +137,22 @@ def _parts_seen(
     from ..job.result._second import part_of
 
     for axis in sorted(judged):
-        every = [[one for one in each if one.axis == axis] for each in (before, after)]
-        shared = set.intersection(*({*one.positions} for each in every for one in each))
-        first, second = (
-            {
-                k: np.concatenate([one.positions[k] for one in each])
-                for k in sorted(shared)
-            }
-            for each in every
-        )
-        travel = {k: float(np.ptp(place)) for k, place in first.items()}
-        far = [
-            k for k in travel if k in names and travel[k] > 0.1 * max(travel.values())
+        both = [
+            [one.positions for one in each if one.axis == axis]
+            for each in (before, after)
         ]
-        if not far:
-            continue
-        old, new = (
-            np.stack([each[k] for k in far], axis=1) for each in (first, second)
+        shared = set.intersection(*(set(places) for each in both for places in each))
+        first, second = (
+            {k: np.concatenate([places[k] for places in each]) for k in sorted(shared)}
+            for each in both
         )
-        if part := part_of([names[k] for k in far], old, new):
+        least = _FAR * max(map(np.ptp, first.values()), default=0.0)
+        parts = (
+            part_of([names[k]], place[:, None], second[k][:, None])
+            for k, place in first.items()
+            if np.ptp(place) > least
+        )
+        if part := next(filter(None, parts), None):
             yield (
                 f"{names.get(axis, f'A{axis}')}: the second measurement shows {part[0]} ="
                 f" {part[1]:.6g} to {part[2]:.6g} only; what the lists do beyond is not judged"

@@ -240,27 +240,23 @@ def _events_in(table: "Table", motion: "Motion") -> "tuple[ControllerEvent, ...]
         raise MeasurementError(str(table.path), reason)
     if motion.time is None:
         return ()  # refused with the reason where they are used
-    events: list[ControllerEvent] = []
+    found: list[ControllerEvent] = []
+    times = table.numbers(columns["time"])
     for k, cell in enumerate(columns["event"].text or ()):
         texts = [text.strip() for text in cell.split(";") if text.strip()]
         if not texts:
             continue
-        line, time = int(table.lines[k]), _text(columns["time"], k)
-        try:
-            row = int(sum(motion.time < float(time) - _SLACK))
-        except ValueError:
-            found_time, expected = f"time {time!r}", "a time in s"
-            raise LineError(str(table.path), line, found_time, expected) from None
+        line, row = int(table.lines[k]), int(sum(motion.time < times[k] - _SLACK))
         axis = _text(columns.get("axis"), k).strip().removeprefix("A")
         if axis and not axis.isdigit():
             expected = "A1, A2, … after the logical numbers, or nothing for all axes"
             raise LineError(str(table.path), line, f"axis {axis!r}", expected)
         number = int(axis) if axis else None
         if row == len(motion.time):
-            end = f"the motion ends at {motion.time[-1]:g} s"
-            note([f"{table.path}:{line}: the event at {time} s does not act: {end}"])
-        events += [_event(table.path, line, row, number, text) for text in texts]
-    return tuple(sorted(events, key=lambda event: event.row))
+            words = f"the event at {times[k]:g} s does not act: the motion ends at"
+            note([f"{table.path}:{line}: {words} {motion.time[-1]:g} s"])
+        found += [_event(table.path, line, row, number, text) for text in texts]
+    return tuple(sorted(found, key=lambda event: event.row))
 
 
 def _text(column: "Column | None", row: int) -> str:

@@ -256,7 +256,7 @@ def test_command_takes_a_column_of_the_motion(folder: Path) -> None:
         ),
         (
             "time,event\nsoon,HOMED\n",
-            "e.csv:2: found time 'soon', expected a time in s",
+            "e.csv:2: column 'time': found 'soon', expected a number",
         ),
         ("time,axis,event\n0,Q,HOMED\n", "e.csv:2: found axis 'Q', expected A1, A2"),
         ("time,axis\n0,3\n", "found columns time, axis, expected event"),
