@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..kinds import kind
+from ..report._scale import count
 from ._console import print_json, print_line, table_of, working
 from ._options import AsJson, refuse, refuse_existing
 
@@ -86,9 +87,7 @@ def _write(
     above = "".join(f"# {doubt}\n" for doubt in doubts)
     text = above + job_with_fits(job, observation, discovery)
     write_atomically(write, text.encode())
-    count = len(discovery.found)
-    fits = "one fit" if count == 1 else f"{count} fits"
-    print_line(console, f"Job with {fits}: {write}")
+    print_line(console, f"Job with {count(len(discovery.found), 'fit')}: {write}")
     if doubts:
         print_line(console, f"Warning: {doubts[0]}")
     for name, keys in found_keys(job, observation, discovery).items():

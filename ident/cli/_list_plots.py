@@ -64,6 +64,7 @@ def _planes(drawn: _Drawn) -> Figure:
         drawn = [*drawn, ("new - old", _difference(drawn[0][1], drawn[1][1]))]
     figure, every = new_figure(4.8, 1, len(drawn))
     figure.set_figwidth(6.4 * len(drawn))
+    figure.set_layout_engine("compressed")
     fields = [np.asarray(plane.offsets) for _, plane in drawn]
     limit = max(float(np.abs(field).max(initial=0.0)) for field in fields) or 1.0
     for axes, (age, plane), field in zip(every, drawn, fields, strict=True):

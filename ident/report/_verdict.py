@@ -181,15 +181,9 @@ def _diagnosed(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
     if fit.judgement.verdict is not Verdict.REJECTED:
         file, date = fit.again.source["file"], fit.again.source["date"]
         unseen = {} if fit.again.readings is None else fit.again.readings.unseen
-        saw, slope = " and ".join(_saw(fit, unseen)), ""
-        if "slope" in unseen:
-            over = " and ".join(unseen["slope"])
-            slope = (
-                f' It shows no slope over {over} (remove = "line"), which may be all that the'
-                " list adds: what is left is no proof."
-            )
+        saw = " and ".join(_saw(fit, unseen))
         source = f"({file}, {date}){saw and f', which {saw}'}"
-        return f"Not verified by a second measurement {source}{words}.{slope}"
+        return f"Not verified by a second measurement {source}{words}."
     does = _DOES[str(reason.fields["verdict"])]
     return f"Take the list out again: {does}{words}; {_again(fit, scale)}."
 
@@ -248,23 +242,18 @@ def _near(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
 
 
 def _in_part(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
-    fields, ask = reason.fields, "measure the rest of its travel again"
-    if "warmth" in fields:
-        ask = "measure again at the other temperatures" + " and places" * (
-            "axis" in fields
-        )
+    fields, ask = reason.fields, "measure again what it did not see"
     clauses = _saw(fit, fields)
-    if "slope" in fields:
-        over = " and ".join(fields["slope"])
-        clauses.append(f'shows no slope over {over} (remove = "line")')
-        if len(clauses) == 1:
-            ask = "measure again with an instrument whose line is known, without remove"
     if "zero" in fields:
         clauses.append(
             f"does not show where {fit.axis} as a whole lies (remove, datum), so that"
             f" {fields['zero']} stays assumed"
         )
-        ask = "measure again with one zero before and after, without remove and datum"
+    if "zero" in fields or "slope" in fields:
+        ask = (
+            "measure again with an instrument whose line is known, with one zero before and"
+            " after, without remove and datum"
+        )
     return (
         f"Verified in part: {_fall(fit, scale)}; {_again(fit, scale)}, which"
         f" {' and '.join(clauses)}: {ask}."
@@ -289,6 +278,9 @@ def _saw(fit: AbstractResult, fields: Mapping[str, Any]) -> list[str]:
     if "gap" in fields:
         axis, low, high = fields["gap"]
         clauses.append(f"saw nothing of {axis} between {low:.4g} and {high:.4g} {unit}")
+    if "slope" in fields:
+        over = " and ".join(fields["slope"])
+        clauses.append(f'shows no slope over {over} (remove = "line")')
     return clauses
 
 

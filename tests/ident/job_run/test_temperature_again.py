@@ -242,7 +242,7 @@ def test_of_a_table_beside_a_temperature_line_the_wrong_one_is_named(
 @pytest.mark.parametrize(
     ("place", "warm", "said"),
     [
-        (0.0, WARM, "which saw X at 0 mm only: measure the rest of its travel again"),
+        (0.0, WARM, "which saw X at 0 mm only: measure again what it did not see"),
         (PLACE, 20.0 + 0.4 * (WARM - 20.0), "which saw scale at 20 to 22.1"),
         (PLACE, 24.0 + 0.0 * WARM, "which saw scale at 24 °C only"),
     ],
