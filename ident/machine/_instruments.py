@@ -1,6 +1,7 @@
 """What is seen of a machine: instruments that read its axes, and parts that warm up."""
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -126,30 +127,31 @@ class HeatedPart:
             if on:
                 load[(grid >= start) & (grid < start + length)] = rng.uniform(0.6, 1.0)
             start, on = start + length, not on
-        outside = self.rise * following(load, self.warming, _STEP)
-        inside = following(outside, self.lag, _STEP)
+        outside = self.rise * response([1.0], [self.warming, 1.0], load, _STEP)
+        inside = response([1.0], [self.lag, 1.0], outside, _STEP)
         sensor = np.interp(time, grid, outside) + HALL
         sensor = sensor + self.noise * rng.standard_normal(len(time))
         sensor = self.resolution * np.rint(sensor / self.resolution)
         return sensor, np.interp(time, grid, inside) + HALL
 
 
-def following(
-    values: Float[np.ndarray, " n"], lag: float, step: float
+def response(
+    above: Sequence[float],
+    below: Sequence[float],
+    values: Float[np.ndarray, " n"],
+    step: float,
 ) -> Float[np.ndarray, " n"]:
-    """Return the solution of T' = (value − T) / lag from where the values start.
+    """Return how a linear system responds to values at equal steps in s, settled at the first one.
 
-    The values stand at equal steps in s, the lag is in s; 0: the values themselves.
+    It is the ratio of two polynomials in s, by the trapezoidal rule: a step neither leads nor
+    lags.
     """
-    from scipy.signal import lfilter
+    from scipy.signal import bilinear, lfilter
 
-    if not lag > 0:
-        return values
-    # The trapezoidal rule: a step of the grid neither leads nor lags.
-    turns = 2.0 * lag / step
-    above = np.array([1.0, 1.0]) / (1.0 + turns)
-    below = [1.0, (1.0 - turns) / (1.0 + turns)]
-    return np.asarray(lfilter(above, below, values - values[0]) + values[0])
+    coefficients = bilinear(above, below, fs=1.0 / step)
+    b, a = (np.asarray(part, dtype=float) for part in coefficients)
+    level = values[0] * np.sum(b) / np.sum(a)
+    return np.asarray(lfilter(b, a, values - values[0]) + level)
 
 
 def _between(values: Column, at: Column) -> Column:

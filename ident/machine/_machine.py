@@ -9,7 +9,7 @@ from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
 from ...data.errors import FoundError
 from ...data.lists import ListFile
@@ -107,7 +107,6 @@ class Reading:
         truth: Error that the machine really had.
         direction: ±1 per reading.
         run: 1, 2, … per reading.
-        wild: Readings that are plainly wrong.
     """
 
     positions: Float[np.ndarray, "t d"]
@@ -115,7 +114,6 @@ class Reading:
     truth: Column
     direction: Int[np.ndarray, " t"]
     run: Int[np.ndarray, " t"]
-    wild: Bool[np.ndarray, " t"]
 
 
 def measure(
@@ -140,8 +138,8 @@ def measure(
     where = {name: positions[:, column] for column, name in enumerate(moved)}
     truth = machine.error(axis, where, direction)
     rng = np.random.default_rng(seed)
-    reading, wild = instrument.read(truth, positions[:, 0], run, rng)
-    return Reading(positions, reading, truth, direction, run + 1, wild)
+    reading, _ = instrument.read(truth, positions[:, 0], run, rng)
+    return Reading(positions, reading, truth, direction, run + 1)
 
 
 def write_reading(path: Path, header: str, reading: Reading) -> None:

@@ -7,12 +7,12 @@ from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from ...data.signals import last_direction
 from ...models import Motion
 from ._example import Drive
-from ._instruments import HeatedPart, Instrument, following
+from ._instruments import HeatedPart, Instrument, response
 from ._machine import VirtualMachine
 from ._programme import CYCLE, Programme
 from ._sources import Column, Columns, State
@@ -43,24 +43,14 @@ class AxisLoop:
 
     def follow(self, command: Column) -> Column:
         """Return the encoder's position, or its derivative for a command's derivative."""
-        return self._respond([self.feed_forward, self.gain], [], command)
+        above, below = [self.feed_forward, self.gain], [self.settling, 1.0, self.gain]
+        return response(above, below, command, CYCLE)
 
     def yielding(self, current: Column) -> Column:
         """Return by how much friction (in A, less what is fed forward) moves the axis."""
         push = -self.compliance * (current - current[0])
-        return self._respond([1.0, 0.0], [self.integral_time], push)
-
-    def _respond(self, above: list[float], lags: list[float], value: Column) -> Column:
-        from scipy.signal import bilinear, lfilter
-
-        below = np.array([self.settling, 1.0, self.gain])
-        for lag in lags:
-            below = np.convolve(below, [lag, 1.0])
-        coefficients = bilinear(above, below, fs=1.0 / CYCLE)
-        b, a = (np.asarray(part, dtype=float) for part in coefficients)
-        start = value[0]
-        level = start * np.sum(b) / np.sum(a)
-        return np.asarray(lfilter(b, a, value - start) + level)
+        below = np.convolve([self.settling, 1.0, self.gain], [self.integral_time, 1.0])
+        return response([1.0, 0.0], below.tolist(), push, CYCLE)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -101,7 +91,6 @@ class MotionLog(Programme):
         temperature: By sensor in °C.
         state: Truth: of the machine.
         truth: Truth: actual − encoder in mm, with the lists that are loaded.
-        wrong: Truth: readings of the instruments that are wrong.
     """
 
     encoder: Columns
@@ -110,7 +99,6 @@ class MotionLog(Programme):
     temperature: Columns
     state: State
     truth: Columns
-    wrong: Mapping[str, Bool[np.ndarray, " t"]]
 
     def __len__(self) -> int:
         return len(self.time)
@@ -151,13 +139,13 @@ def record(work: WorkingMachine, programme: Programme, seed: int) -> MotionLog:
         direction[axis] = last_direction(speed, 0.2)
         acceleration[axis] = rate
     state = State(raw, direction, acceleration, warmth)
-    encoder, actual, truth, wrong = {}, {}, {}, {}
+    encoder, actual, truth = {}, {}, {}
     for axis in axes:
         fault = work.machine.true_error(axis, state)
         noise = _ENCODER_NOISE * rng.standard_normal(len(fault))
         encoder[axis] = raw[axis] - added[axis] + noise
         truth[axis] = fault + added[axis]
-        actual[axis], wrong[axis] = work.trackers[axis].follow(raw[axis] + fault, rng)
+        actual[axis], _ = work.trackers[axis].follow(raw[axis] + fault, rng)
     return MotionLog(
         **vars(programme),
         encoder=encoder,
@@ -166,7 +154,6 @@ def record(work: WorkingMachine, programme: Programme, seed: int) -> MotionLog:
         temperature=sensors,
         state=state,
         truth=truth,
-        wrong=wrong,
     )
 
 
@@ -186,7 +173,7 @@ def _compensated(
     if controller is None:
         return zeros, zeros
     heat = [
-        following(values, work.plc_lags.get(name, 0.0), CYCLE)
+        response([1.0], [work.plc_lags.get(name, 0.0), 1.0], values, CYCLE)
         for name, values in sensors.items()
     ]
 
