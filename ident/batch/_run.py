@@ -164,8 +164,6 @@ def _run(
     stand: Progress,
 ) -> Iterator[tuple[str, list[Row]]]:
     """Yield the rows of every job, made of its files where these are there already."""
-    if not tasks:
-        return
     try:
         with workers_of(scheduler, workers) as client:
             crew = max(workers or 0, len(client.scheduler_info()["workers"]), 1)

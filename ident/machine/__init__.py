@@ -27,7 +27,6 @@ from ._example import (
 )
 from ._instruments import HeatedPart as HeatedPart, Instrument as Instrument
 from ._machine import (
-    MachineError as MachineError,
     Reading as Reading,
     VirtualMachine as VirtualMachine,
     measure as measure,

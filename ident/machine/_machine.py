@@ -19,10 +19,6 @@ from ._instruments import Instrument
 from ._sources import Column, Columns, ErrorSource, State
 
 
-class MachineError(FoundError):
-    """Something was asked of the virtual machine that it does not have."""
-
-
 @dataclasses.dataclass(frozen=True, eq=False)
 class VirtualMachine:
     """Axes with known errors behind a controller that applies lists.
@@ -72,7 +68,7 @@ class VirtualMachine:
         """Return the error of the bare machine in a state in mm: actual − encoder."""
         if axis not in self.axes:
             where, axes = "virtual machine", ", ".join(self.axes)
-            raise MachineError(where, f"axis {axis}", f"one of {axes}")
+            raise FoundError(where, f"axis {axis}", f"one of {axes}")
         parts = (each.error(state) for each in self.sources if each.axis == axis)
         return sum(parts, np.zeros(state.rows))
 

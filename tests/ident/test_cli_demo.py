@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from axcomp.data.errors import FoundError
 from axcomp.data.lists import ListFile
 from axcomp.ident.cli import main
 from axcomp.ident.cli.demo._files import (
-    FolderError,
     claim_folder,
     seal_folder,
     text_of,
@@ -226,11 +226,11 @@ def test_changed_or_added_file_of_a_demo_is_not_overwritten(tmp_path: Path) -> N
     seal_folder(tmp_path)
     claim_folder(tmp_path)
     (tmp_path / "notes.txt").write_text("mine")
-    with pytest.raises(FolderError, match=r"notes\.txt, which no demo made"):
+    with pytest.raises(FoundError, match=r"notes\.txt, which no demo made"):
         claim_folder(tmp_path)
     (tmp_path / "notes.txt").unlink()
     (tmp_path / "job.toml").write_text("b")
-    with pytest.raises(FolderError, match=r"job\.toml changed since the demo made it"):
+    with pytest.raises(FoundError, match=r"job\.toml changed since the demo made it"):
         claim_folder(tmp_path)
 
 
@@ -245,7 +245,7 @@ def test_results_may_be_made_again(tmp_path: Path) -> None:
 def test_file_in_place_of_the_folder_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "demo"
     path.write_text("x")
-    with pytest.raises(FolderError, match="a file of that name"):
+    with pytest.raises(FoundError, match="a file of that name"):
         claim_folder(path)
 
 

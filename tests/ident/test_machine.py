@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from axcomp.data.errors import FoundError
 from axcomp.data.lists import ListFile
 from axcomp.data.measurements import derive_error, measurement, read_table
 from axcomp.ident.exchange import ExchangeError
 from axcomp.ident.machine import (
     Instrument,
-    MachineError,
     Reading,
     State,
     VirtualMachine,
@@ -107,7 +107,7 @@ def test_list_for_an_unknown_axis_is_refused() -> None:
 
 
 def test_unknown_axis_is_refused() -> None:
-    with pytest.raises(MachineError, match="found axis Q, expected one of X, Y, Z"):
+    with pytest.raises(FoundError, match="found axis Q, expected one of X, Y, Z"):
         example_machine().error("Q", {}, UP)
 
 

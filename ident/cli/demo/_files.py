@@ -35,27 +35,23 @@ def text_of(name: str) -> bytes:
     return resources.files("axcomp.ident.cli").joinpath("demo", name).read_bytes()
 
 
-class FolderError(FoundError):
-    """The demo would overwrite something that is not its own."""
-
-
 def claim_folder(out: Path) -> None:
     """Make the folder; refuse one with files that no demo made, or that were changed since."""
     if out.exists() and not out.is_dir():
-        raise FolderError(str(out), "a file of that name", _OWN)
+        raise FoundError(str(out), "a file of that name", _OWN)
     out.mkdir(parents=True, exist_ok=True)
     if not any(out.iterdir()):
         return
     try:
         hashes = json.loads((out / _MANIFEST).read_text("utf-8"))
     except (OSError, ValueError):
-        raise FolderError(str(out), "files that no demo made", _OWN) from None
+        raise FoundError(str(out), "files that no demo made", _OWN) from None
     for name, digest in _hashes(out).items():
         if name not in hashes:
-            raise FolderError(str(out), f"{name}, which no demo made", _OWN)
+            raise FoundError(str(out), f"{name}, which no demo made", _OWN)
         if digest != hashes[name]:
             found = f"{name} changed since the demo made it"
-            raise FolderError(str(out), found, _OWN)
+            raise FoundError(str(out), found, _OWN)
 
 
 def seal_folder(out: Path) -> None:
