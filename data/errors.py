@@ -20,5 +20,16 @@ class FoundError(AxcompError, ValueError):
         return f"{self.where}: found {self.found}, expected {self.expected}"
 
 
+class SourceError(AxcompError):
+    """A file, folder or question that cannot be used: which, and why."""
+
+    def __init__(self, source: str, reason: str) -> None:
+        super().__init__(source, reason)
+        self.source, self.reason = source, reason
+
+    def __str__(self) -> str:
+        return f"{self.source}: {self.reason}"
+
+
 class UsageError(AxcompError):
     """The command line itself is wrong: exit status 2."""

@@ -3,18 +3,11 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..errors import AxcompError
+from ..errors import AxcompError, SourceError
 
 
-class MeasurementError(AxcompError, ValueError):
+class MeasurementError(SourceError, ValueError):
     """A measurement file or its use is wrong: where, and why."""
-
-    def __init__(self, source: str, reason: str) -> None:
-        super().__init__(source, reason)
-        self.source, self.reason = source, reason
-
-    def __str__(self) -> str:
-        return f"{self.source}: {self.reason}"
 
 
 def damaged(path: Path, kind: str, error: Exception) -> MeasurementError:

@@ -10,20 +10,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ...data.errors import AxcompError
+from ...data.errors import SourceError
 from ...data.files import write_atomically
 from ._rows import VERSION
 
 
-class BatchError(AxcompError, RuntimeError):
+class BatchError(SourceError, RuntimeError):
     """A batch that cannot start or go on: where, what was found and what was expected."""
-
-    def __init__(self, where: str, reason: str) -> None:
-        super().__init__(where, reason)
-        self.where, self.reason = where, reason
-
-    def __str__(self) -> str:
-        return f"{self.where}: {self.reason}"
 
 
 _MANIFEST = "batch.json"
