@@ -283,7 +283,7 @@ def _put(tree: Any, parts: Sequence[str], value: Any) -> None:
 def _rebased(tree: Any, old: Path, new: Path, path: tuple[str, ...] = ()) -> Any:
     """Return a job, or a value of one, whose files are named relative to another folder.
 
-    The path are the keys that lead to the value, without numbers of items.
+    Its path is the keys that lead to it, without numbers of items.
     """
     if isinstance(tree, Mapping):
         return {k: _rebased(v, old, new, (*path, k)) for k, v in tree.items()}

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from ..kinds import kind
 from ..report._scale import count
 from ._console import print_json, print_line, table_of, working
-from ._options import AsJson, refuse, refuse_existing
+from ._options import AsJson, refuse, refuse_target
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -45,7 +45,7 @@ def discover(
         if write.resolve().parent != job.resolve().parent:
             place = f"a file beside {job}: paths in a job are relative to it"
             refuse("--write", str(write), place)
-        refuse_existing(write, "--write")
+        refuse_target(write, "--write")
     with working("reading the job") as progress:
         from ..discover import discover as look
         from ..job import load_job

@@ -20,8 +20,9 @@ from ._options import (
     axis_ranges,
     by_axis,
     matched,
+    positive,
     read_lists,
-    refuse_existing,
+    refuse_target,
     rules_of,
 )
 
@@ -74,7 +75,7 @@ def objects(
         return
     out.mkdir(parents=True, exist_ok=True)
     for name in (OBJECTS, SCOPE):
-        refuse_existing(out / name, "--out", force=force)
+        refuse_target(out / name, "--out", force=force)
     write_atomically(out / OBJECTS, table.encode())
     scope = scope_configuration(rows, cycle_time=cycle_time, net_id=net_id)
     write_atomically(out / SCOPE, scope)
@@ -232,7 +233,9 @@ def export_external(
     conventions: Rules = None,
     feed: Positive = 30000.0,
     acceleration: Positive = 5000.0,
-    cycle_time: Annotated[float, typer.Option(min=1e-6, max=_LONGEST_CYCLE)] = 0.001,
+    cycle_time: Annotated[
+        float, typer.Option(max=_LONGEST_CYCLE, callback=positive)
+    ] = 0.001,
     ramp: Positive = 1.0,
 ) -> None:
     """Write tables as C and C++ of an external compensation, with its list entries.

@@ -82,9 +82,8 @@ def verify(
         answer = dataclasses.replace(answer, verdicts=verdicts)
     trees = [_json(item, f"A{item.axis}") for item in verdicts]
     for tree in trees:
-        if (
-            len(tree["value"]) < 2
-        ):  # several only where several verdicts explain the log
+        # Several only where several verdicts explain the log.
+        if len(tree["value"]) < 2:
             tree["value"] = next(iter(tree["value"]), None)
     _print(trees, as_json=as_json)
     note(answer.remarks)

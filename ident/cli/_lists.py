@@ -19,8 +19,7 @@ from ._options import (
     read_lists,
     read_shown_list,
     refuse,
-    refuse_existing,
-    refuse_input,
+    refuse_target,
     rules_of,
 )
 
@@ -231,8 +230,7 @@ def convert(
     form = to or format_of(target)
     if form not in FORMATS:
         refuse("--to", repr(form), f"one of {', '.join(FORMATS)}")
-    refuse_existing(target, "OUT", force=force)
-    refuse_input(target, "OUT", [source])
+    refuse_target(target, "OUT", [source], force=force)
     if source.suffix.casefold() == ".lis":
         table = table_in(ListFile.read(source), compensation, increment)
     else:

@@ -149,20 +149,18 @@ def read_lists(files: Sequence[Path]) -> "list[ListFile]":
     return [ListFile.read(file) for file in dict.fromkeys(every)]
 
 
-def refuse_input(path: Path, option: str, inputs: Iterable[Path]) -> None:
-    """Refuse to write a file that is read, whatever may be replaced."""
-    if path.resolve() in {file.resolve() for file in inputs}:
-        refuse(option, f"{path}, which is an input", "another file")
+def refuse_target(
+    path: Path, option: str, inputs: Iterable[Path] = (), *, force: bool | None = None
+) -> None:
+    """Refuse to write a file that is read, that exists, or whose folder does not or is a file.
 
-
-def refuse_existing(path: Path, option: str, *, force: bool | None = None) -> None:
-    """Refuse to write a file that exists, or whose folder does not or is a file.
-
-    By force it may be replaced; None: the command has no such option.
+    By force one that exists may be replaced; None: the command has no such option.
     """
     if not path.parent.is_dir():
         state = "is a file" if path.parent.exists() else "does not exist"
         refuse(option, f"{path.parent}, which {state}", "a folder for the new file")
+    if path.resolve() in {file.resolve() for file in inputs}:
+        refuse(option, f"{path}, which is an input", "another file")
     if path.exists() and not force:
         instead = "a new file" if force is None else "a new file or --force"
         refuse(option, f"{path}, which exists", instead)

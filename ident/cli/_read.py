@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from ._console import note, print_json, table_of, wide_console, working
-from ._options import AsJson, matched, refuse, refuse_existing, refuse_input
+from ._options import AsJson, matched, refuse, refuse_target
 
 if TYPE_CHECKING:
     from ...data.measurements import CellError, Column, Table, TextForm
@@ -205,8 +205,7 @@ def new(
     from ..new import new_job
 
     numbers = dict(map(_numbered, axes or []))
-    refuse_existing(out, "--out", force=force)
-    refuse_input(out, "--out", [*files, *(lists or [])])
+    refuse_target(out, "--out", [*files, *(lists or [])], force=force)
     with working("reading the measurements"):
         job = new_job(files, path=out, lists=lists or [], axes=numbers)
     write_atomically(out, job.text.encode())

@@ -18,8 +18,7 @@ from ._options import (
     axis_ranges,
     by_axis,
     read_lists,
-    refuse_existing,
-    refuse_input,
+    refuse_target,
     rules_of,
 )
 
@@ -89,8 +88,7 @@ def simulate(
     of_plc = [Path(match["file"]) for match in warmed.values()]
     read = [*files, motion, *of_plc, *([] if events is None else [events])]
     if out is not None:
-        refuse_input(out, "--out", read)
-        refuse_existing(out, "--out", force=force)
+        refuse_target(out, "--out", read, force=force)
     use_compilation_cache()
     rules = rules_of(conventions)
     lists = read_lists(files)
