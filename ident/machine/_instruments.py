@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from ..readings import place_in_run
 from ._programme import CYCLE
 from ._sources import HALL, Column
 
@@ -60,9 +61,7 @@ class Instrument:
         """
         size = len(error)
         runs = int(run.max(initial=0)) + 1
-        start = np.searchsorted(run, np.arange(runs))
-        length = np.bincount(run, minlength=runs)
-        progress = (np.arange(size) - start[run]) / np.maximum(length - 1, 1)[run]
+        progress = place_in_run(run, np.arange(size, dtype=float))
         reading = error + self.zero + self.tilt * along
         reading += self.run_offset * rng.standard_normal(runs)[run]
         # About the middle of the run, so that a run's mean is its offset.

@@ -187,13 +187,12 @@ def _compensated(
         temperature=jnp.asarray(np.stack(heat, axis=1)) if heat else None,
     )
     offsets, _ = controller.run(controller.start(), motion)
-    offset = np.asarray(offsets.offset)
-    added = {axis: offset[:, k] for k, axis in enumerate(axes)}
+    added = dict(zip(axes, np.asarray(offsets.offset).T, strict=True))
     if offsets.friction is None:
         return added, zeros
-    fed = np.asarray(offsets.friction)
+    fed = dict(zip(axes, np.asarray(offsets.friction).T, strict=True))
     units = {a: work.drives[a].rated_current * work.drives[a].torque_unit for a in axes}
-    return added, {axis: units[axis] * fed[:, k] for k, axis in enumerate(axes)}
+    return added, {axis: units[axis] * fed[axis] for axis in axes}
 
 
 def write_motion_log(path: Path, log: MotionLog) -> None:
