@@ -27,7 +27,7 @@ DIRECTION_NAME = {1: "moving +", -1: "moving −", 0: "both directions"}
 DIVERGING = "RdBu_r"
 SEQUENTIAL = "cividis"
 
-VECTOR_POINTS = 600
+_VECTOR_POINTS = 600
 """More points than this in one layer are drawn as a picture inside the SVG."""
 _DPI = 160
 """Of what is drawn as a picture inside an SVG."""
@@ -178,7 +178,7 @@ def marks(
     axes.plot(
         across[rows], up[rows], linestyle="none", marker=marker, markersize=size,
         markeredgewidth=0, alpha=alpha, color=color, label=label,
-        rasterized=as_raster(rows.size),
+        rasterized=rows.size > _VECTOR_POINTS,
     )  # fmt: skip
 
 
@@ -193,11 +193,6 @@ def side_by_side(
         panel.set_xlabel(x_label)
     panels[0].set_ylabel(y_label)
     return figure, panels
-
-
-def as_raster(size: int) -> bool:
-    """Whether a layer of ``size`` points is better stored as a picture in the SVG."""
-    return size > VECTOR_POINTS
 
 
 def to_svg(figure: Figure, name: str) -> str:
