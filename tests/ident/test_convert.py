@@ -257,6 +257,9 @@ def test_the_target_is_a_new_file_of_a_known_ending(
     listing = written(tmp_path, TABLES["leadscrew"])
     command = ["convert", str(listing), str(listing), "--to", "csv"]
     assert main(command) == 2
+    assert "which is an input, expected another file" in capsys.readouterr().err
+    (tmp_path / "a.csv").write_text("")
+    assert main(["convert", str(listing), str(tmp_path / "a.csv")]) == 2
     assert "expected a new file or --force" in capsys.readouterr().err
     assert main(["convert", str(listing), str(tmp_path / "a.xyz")]) == 1
     assert "found the ending '.xyz'" in capsys.readouterr().err
