@@ -82,10 +82,7 @@ class Second:
 
 
 def plan_second(
-    job: Job,
-    named: Path | None,
-    root: Path,
-    files: Sequence[AxisFiles],
+    job: Job, named: Path | None, root: Path, files: Sequence[AxisFiles]
 ) -> tuple[Second | None, tuple[Remark, ...]]:
     """Return the second measurement of a run, before its lists are written.
 

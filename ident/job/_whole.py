@@ -416,7 +416,7 @@ class _Axis:
             f"{found}: it and {' and '.join(others)} correct the same error. State in"
             f" [measurements.{comparison.measurement}] what was on while measuring (active),"
             f" {'' if jointly else group}or switch one of them off in the axis list of"
-            f" {self.name} (machine_data).{warm}",
+            f" {self.name} (machine_data).{warm}"
         )
 
 

@@ -76,10 +76,7 @@ def _part(where: KeyPath, values: Any) -> type[JobPart] | None:
 
 
 def first_fault(
-    path: Path,
-    error: pydantic.ValidationError,
-    values: dict[str, Any],
-    text: str,
+    path: Path, error: pydantic.ValidationError, values: dict[str, Any], text: str
 ) -> JobError:
     """Return the first thing that pydantic found, in our words."""
     errors = error.errors(include_url=False)

@@ -128,7 +128,7 @@ class GroupResult:
                     "runs": axis.runs,
                 }
                 for axis in self.axes
-            },
+            }
         }
 
 

@@ -361,10 +361,7 @@ class TableResult(AbstractResult):
 
     def details(self) -> dict[str, Any]:
         """Return parameters, deviations and support for result.json."""
-        parameters: dict[str, Any] = {
-            "table": _values(self.table),
-            "nodes": self.nodes,
-        }
+        parameters: dict[str, Any] = {"table": _values(self.table), "nodes": self.nodes}
         if self.cycles is not None:
             parameters["n_backlash_cyc"] = self.cycles
         return {

@@ -17,12 +17,7 @@ from ....data.signals import (
     resolution,
     wild_readings,
 )
-from ...proof import (
-    Diagnosis,
-    ErrorFigures,
-    RunTable,
-    error_figures,
-)
+from ...proof import Diagnosis, ErrorFigures, RunTable, error_figures
 
 LESS = 1.5
 """Ratio of the measured to the predicted error, from which on less came of a list."""

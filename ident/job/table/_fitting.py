@@ -20,13 +20,7 @@ from ...fit import (
     scatter_of_runs,
     spatial_blocks,
 )
-from ...proof import (
-    HeldOut,
-    groups_of_passes,
-    groups_of_runs,
-    held_out,
-    run_variance,
-)
+from ...proof import HeldOut, groups_of_passes, groups_of_runs, held_out, run_variance
 from ...readings import Readings, Tables, place_in_run, runs_overlap, without_zero
 from .._draft import AbstractDraft, Leftovers
 from ..result._result import Remark

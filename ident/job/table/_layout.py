@@ -245,8 +245,7 @@ def grids_for(
 
 
 def grid_keys(
-    places: Sequence[Float[np.ndarray, " t"]],
-    reach: tuple[float, float] | None = None,
+    places: Sequence[Float[np.ndarray, " t"]], reach: tuple[float, float] | None = None
 ) -> dict[str, Any]:
     """Return the keys of nodes that suit readings.
 

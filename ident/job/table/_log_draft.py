@@ -9,14 +9,7 @@ import numpy as np
 from jaxtyping import Int
 
 from ...exchange import Model
-from ...fit import (
-    Grouping,
-    Samples,
-    StreamedFit,
-    fit_streamed,
-    predict,
-    spatial_blocks,
-)
+from ...fit import Grouping, Samples, StreamedFit, fit_streamed, predict, spatial_blocks
 from ...proof import ErrorFigures, ErrorTally, held_out
 from ...readings import Readings, joined
 from ..result._result import STAGES, Remark, largest_wild

@@ -266,11 +266,7 @@ def of_both_ways(
 
 
 def _difference(
-    plan: Plan,
-    samples: Samples,
-    fit: TableFit,
-    way: Float[np.ndarray, " t"],
-    most: int,
+    plan: Plan, samples: Samples, fit: TableFit, way: Float[np.ndarray, " t"], most: int
 ) -> tuple[float, float]:
     """Return by how much both ways of an axis differ, and its standard deviation.
 

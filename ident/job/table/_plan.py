@@ -194,9 +194,7 @@ class Plan(AbstractPlan):
         return (direction < 0).astype(np.int64)
 
     def acted(
-        self,
-        positions: Float[np.ndarray, "t d"],
-        branch: Int[np.ndarray, " t"] | None,
+        self, positions: Float[np.ndarray, "t d"], branch: Int[np.ndarray, " t"] | None
     ) -> Float[np.ndarray, " t"]:
         """Return what the old table added at readings while measuring, in mm or °."""
         if not self.active or self.old is None:
