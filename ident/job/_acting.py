@@ -39,10 +39,8 @@ def leftovers(job: Job) -> dict[tuple[int, str], list["Acting"]]:
             used = before.used
         except ExchangeError:
             continue  # the checks of the lists say it
-        for where, reason in (
-            *_from_elsewhere(job, fit),
-            *_conflicts(job, fit, before),
-        ):
+        faults = (*_from_elsewhere(job, fit), *_conflicts(job, fit, before))
+        for where, reason in faults:
             raise job.error(where, reason)
         for name in _overlapping(job, fit, before):
             for source in fit.sources:
@@ -121,9 +119,7 @@ class Acting:
     """A compensation that acted in no reading of a fit, and will act beside it.
 
     Attributes:
-        job: The job.
         axis: On which it acts.
-        name: Of the compensation.
         loaded: The lists that hold it.
         words: Which it is.
         shared: Whether it is fitted to the same readings.

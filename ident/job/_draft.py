@@ -40,13 +40,7 @@ _ALONE = "found in a group, expected it alone"
 
 @dataclasses.dataclass(frozen=True)
 class AbstractOfFit(abc.ABC):
-    """What belongs to one fit of the job.
-
-    Attributes:
-        job: The job.
-        index: Of the fit in it.
-        fit: Its specification.
-    """
+    """What belongs to one fit of the job, with its index there."""
 
     job: Job
     index: int
@@ -109,10 +103,6 @@ class AbstractPlan(AbstractOfFit):
     def fit_single(self, tables: "Tables", left: Leftovers) -> "AbstractDraft":
         """Fit it to its own measurements, as if there was no other: a group of one.
 
-        Args:
-            tables: Measurements of the job.
-            left: What earlier fits leave of them.
-
         Raises:
             JobError: If the readings do not suit.
             FitError: If they do not determine the fit.
@@ -163,9 +153,7 @@ class AbstractPlan(AbstractOfFit):
     ) -> str:
         """Return in words which effect without a fit the readings cannot tell from it, or nothing.
 
-        Args:
-            members: All that are fitted to these readings.
-            recording: What was measured.
+        The members are all that are fitted to these readings.
         """
         return ""
 
@@ -178,11 +166,7 @@ class AbstractPlan(AbstractOfFit):
     def effect(
         self, recording: "GroupRecording", left: Float[np.ndarray, " t"] | None
     ) -> "AbstractEffect | None":
-        """Return the effect; None where its form needs what the other effects leave.
-
-        Args:
-            recording: What was measured.
-            left: Error of the axis that the other effects leave, where that is known.
+        """Return the effect; None where its form needs what the other effects leave of the error.
 
         Raises:
             FitError: If the readings do not tell its form.
@@ -339,12 +323,8 @@ class AbstractDraft(AbstractOfFit):
     ) -> SecondMeasurement | None:
         """Return the error that a second measurement shows, the list active.
 
-        Args:
-            tables: Files of the second job.
-            fit: The specification, with the measurements of that job.
-
-        Returns:
-            None where no such measurement shows what this compensation does.
+        None where no such measurement shows what this compensation does. The tables and the
+        specification are those of the second job.
 
         Raises:
             AxcompError: If the measurement does not suit the fit.

@@ -204,14 +204,11 @@ def measure_again(
         if readings and draft.foreseen is not None and "predicted" in figures:
             unit, best = job.spec.axes[draft.axis].small_unit, figures["predicted"]
             foreseen = draft.foreseen.before, best.sound.rms
-            alone = not any(
-                one is not draft
-                and one.axis == draft.axis
-                and other
-                and other.adds.size
-                for one, other in zip(drafts, found, strict=True)
-            )
-            readings.check_scatter(*foreseen, unit, alone=alone)
+            pairs = zip(drafts, found, strict=True)
+            axes = [
+                d.axis for d, one in pairs if d is not draft and one and one.adds.size
+            ]
+            readings.check_scatter(*foreseen, unit, alone=draft.axis not in axes)
     left = {
         fit.axis: figures["predicted"].sound.rms
         for fit, figures in zip(result.fits, figures_of, strict=True)
@@ -250,13 +247,7 @@ def measure_again(
 def _beside(
     fit: AbstractResult, fits: Sequence[AbstractResult], after: Sequence[Measured]
 ) -> AbstractResult:
-    """Return a fit with the wrong fits of its axis, where it is not and its error stays large.
-
-    Args:
-        fit: One of the fits.
-        fits: All of them.
-        after: Errors of the second measurement.
-    """
+    """Return a fit with the wrong fits of its axis, where it is not and its error stays large."""
     again = fit.again
     if again is None:
         return fit
@@ -268,14 +259,14 @@ def _beside(
     wrong = [name for name, other in others.items() if other.is_wrong]
     if again.is_wrong:
         # What a list does beside another one that is known to be wrong is no "other" fault.
-        named = [name for name in wrong if _told(others[name]) != "other"]
-        if _told(again) != "other" or not named:
+        named = [name for name in wrong if others[name].verdict != "other"]
+        if again.verdict != "other" or not named:
             return fit
         again, wrong = dataclasses.replace(again, diagnosis=None), named
     elif not wrong and _is_left_in_motion(fit.axis_number, again.predicted, after):
         mine = [other.compensation for other in fits if other.axis == fit.axis]
         wrong = [name for name in mine if "acceleration" in kind(name).follows]
-    elif not wrong and _told(again) == "right":
+    elif not wrong and again.verdict == "right":
         wrong = [name for name, other in others.items() if not other.acts]
     if not wrong or again.rms is None or again.rms <= LESS * again.predicted:
         return fit
@@ -284,23 +275,13 @@ def _beside(
 
 
 def _is_left_in_motion(axis: int, predicted: float, after: Sequence[Measured]) -> bool:
-    """Return whether more than predicted is left where another axis accelerates, and only there.
-
-    Args:
-        axis: Logical number.
-        predicted: Error with the lists active, rms in mm or °.
-        after: Errors of the second measurement.
-    """
+    """Return whether more than predicted is left where another axis accelerates, and only there."""
     largest = LESS * predicted
     return any(
         np.std(one.undriven.error) <= largest < np.std(one.error[one.driven])
         for one in after
         if one.axis == axis and one.driven is not None and one.driven.any()
     )
-
-
-def _told(again: MeasuredAgain) -> str | None:
-    return None if again.diagnosis is None else again.diagnosis.verdict
 
 
 def _with_factors(

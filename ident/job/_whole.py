@@ -259,9 +259,7 @@ class _Axis:
     def _travel(self) -> Travel:
         axes = self.job.spec.axes
         spans = {
-            axis.number: (float(axis.limits[0]), float(axis.limits[1]))
-            for axis in axes.values()
-            if axis.limits is not None
+            a.number: (a.limits[0], a.limits[1]) for a in axes.values() if a.limits
         }
         spans |= self.job.ranges
         reached: dict[int, tuple[float, float]] = {}
@@ -447,13 +445,17 @@ def _with_partner(
         turned = [name for name, (other_way, _) in against.items() if other_way]
         twist = max((offset for _, offset in against.values()), default=0.0)
         where, advice, doubt = f"{partner} has all that acts on {axis}", "", ""
+        fit_both = f'Fit {partner} as well ([[fits]] with axis = "{partner}")'
         if lacking:
             where = f"{partner} has no {' and no '.join(lacking)} like that of {axis}"
-            advice = (
-                f'Fit {partner} as well ([[fits]] with axis = "{partner}"), or give its'
-                f" list ([axes.{partner}] list = …) if it has one."
+            advice = f"{fit_both}, or give its list ([axes.{partner}] list = …) if it has one."
+            held, unused = (
+                theirs.compensation,
+                [n for n in lacking if n not in theirs.used],
             )
-            off = [name for name in lacking if _is_off(theirs, name)]
+            off = [
+                n for n in unused if held is not None and kind(n).entries.is_in(held)
+            ]
             if off:
                 entries = " and ".join(f"{kind(name).activation} 1" for name in off)
                 advice = (
@@ -474,9 +476,8 @@ def _with_partner(
         elif turned and not fitted:
             where = f"{partner} acts with the opposite sign: {' and '.join(turned)}"
             advice = (
-                f'Fit {partner} as well ([[fits]] with axis = "{partner}"): where both are'
-                f" measured, each has its own sign. Or is the sign of the error of {axis}"
-                " turned (sign = -1 of its column)?"
+                f"{fit_both}: where both are measured, each has its own sign. Or is the sign"
+                f" of the error of {axis} turned (sign = -1 of its column)?"
             )
         elif apart:
             where = f"{partner} has another manual_activation of {' and '.join(apart)}"
@@ -497,10 +498,7 @@ def _with_partner(
                 " its column)?"
             )
         elif twist:
-            remedy = (
-                f'Fit {partner} as well ([[fits]] with axis = "{partner}"), unless its list'
-                " was measured on this machine."
-            )
+            remedy = f"{fit_both}, unless its list was measured on this machine."
             if fitted:
                 remedy = "Is the unit of both columns right?"
             doubt = (
@@ -522,13 +520,6 @@ def _with_partner(
         gate = (*whole.gate, check)
         whole = dataclasses.replace(whole, gate=gate, remarks=tuple(remarks))
     return whole
-
-
-def _is_off(lists: AxisLists, name: str) -> bool:
-    """Return whether a compensation stands in the list and the axis list leaves it off."""
-    listing = lists.compensation
-    held = listing is not None and kind(name).entries.is_in(listing)
-    return held and name not in lists.used
 
 
 def _follows(lists: AxisLists, name: str) -> set[int]:

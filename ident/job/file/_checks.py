@@ -21,12 +21,12 @@ def find_fault(job: JobFile) -> Fault | None:
 
 
 def _controller(job: JobFile) -> Iterator[Fault]:
-    if job.controller.build is not None:
-        try:
+    try:
+        if job.controller.build is not None:
             parse_build(job.controller.build)
-        except BuildError as error:
-            reason = f"found {error.build!r}, expected a build such as V3.1.3108.4"
-            yield ("controller", "build"), reason
+    except BuildError as error:
+        reason = f"found {error.build!r}, expected a build such as V3.1.3108.4"
+        yield ("controller", "build"), reason
 
 
 def _axes(job: JobFile) -> Iterator[Fault]:
@@ -105,8 +105,7 @@ def _lengths(measured: MeasurementSpec, where: KeyPath) -> Iterator[Fault]:
 
 
 def _files(measured: MeasurementSpec, where: KeyPath) -> Iterator[Fault]:
-    files = measured.files
-    offsets = measured.offsets
+    files, offsets = measured.files, measured.offsets
     if files is None:
         if measured.file is None:
             yield (*where, "file"), "found nothing, expected this key"
@@ -142,11 +141,8 @@ def _files(measured: MeasurementSpec, where: KeyPath) -> Iterator[Fault]:
             yield key, "found interval, expected value beside it, of the first row"
         if column.value is not None and files is not None:
             yield key, "found a value beside several files, expected a column"
-        if column.file is None:
-            continue
-        if column.file not in (files or ()):
-            reason = unknown(column.file, files or (), "one of files")
-            yield (*where, "columns", role, "file"), reason
+        if column.file is not None and column.file not in (files or ()):
+            yield (*key, "file"), unknown(column.file, files or (), "one of files")
 
 
 def _columns_of_runs(
@@ -207,17 +203,14 @@ def _groups(job: JobFile) -> Iterator[Fault]:
                 f"found {fit.compensation} in group {fit.group!r}: it works on the current of the"
                 " drive and not on the position, expected no group",
             )
-    groups = job.groups
-    together = {
-        name for group in groups.values() for k in group for name in job.fits[k].sources
-    }
+    together = {name for k in job.grouped for name in job.fits[k].sources}
     for name, measured in job.measurements.items():
         if measured.drift and job.fits and name not in together:
             yield (
                 ("measurements", name, "drift"),
                 "found for a measurement of no group, expected it where fits name a group",
             )
-    for name, members in groups.items():
+    for name, members in job.groups.items():
         yield from _unlike(job, name, members)
         yield from _beside(job, name, members)
 
@@ -254,14 +247,12 @@ def _unlike(job: JobFile, name: str, members: tuple[int, ...]) -> Iterator[Fault
 
 
 def _beside(job: JobFile, name: str, members: tuple[int, ...]) -> Iterator[Fault]:
-    specs: list[FitSpec] = [job.fits[k] for k in members]
-    axes = {fit.axis for fit in specs}
-    sources = set(specs[0].sources)
+    axes = {job.fits[k].axis for k in members}
+    sources = set(job.fits[members[0]].sources)
     for k, fit in enumerate(job.fits):
         if k in members or fit.kind.adds_current or fit.axis not in axes:
             continue
-        shared = sources & set(fit.sources)
-        if shared:
+        if shared := sources & set(fit.sources):
             yield (
                 ("fits", k, "measurement"),
                 f"found {', '.join(sorted(shared))}, from which group {name!r} explains"

@@ -3,6 +3,7 @@
 import datetime
 import difflib
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -80,27 +81,20 @@ def first_fault(
 ) -> JobError:
     """Return the first thing that pydantic found, in our words."""
     errors = error.errors(include_url=False)
+    places = [_clean(item["loc"], values) for item in errors]
     # A column may be a name or a table: pydantic reports both attempts. The one that
     # went further into the value is the one that was meant.
-    first = max(errors, key=lambda item: (item["type"] == "extra_forbidden", 0))
-    if first["type"] != "extra_forbidden":
-        top = _clean(errors[0]["loc"], values)
-        below = [
-            item for item in errors if _clean(item["loc"], values)[: len(top)] == top
-        ]
-        first = max(below, key=lambda item: len(_clean(item["loc"], values)))
-    where = _clean(first["loc"], values)
+    strange = [k for k, item in enumerate(errors) if item["type"] == "extra_forbidden"]
+    below = [k for k, at in enumerate(places) if at[: len(places[0])] == places[0]]
+    number = strange[0] if strange else max(below, key=lambda k: len(places[k]))
+    first, where = errors[number], places[number]
     kind, context = first["type"], first.get("ctx", {})
     value = _quoted(first.get("input"))
     if kind == "extra_forbidden":
         part = _part(where[:-1], values)
-        keys = [
-            field.alias or name
-            for name, field in (part.model_fields.items() if part else ())
-        ]
-        reason = "unknown key"
-        if close := difflib.get_close_matches(str(where[-1]), keys, 1, cutoff=0.0):
-            reason += f" (nearest: {close[0]!r})"
+        fields = part.model_fields.items() if part else ()
+        keys = [field.alias or name for name, field in fields]
+        reason = f"unknown key{_nearest(str(where[-1]), keys, 0.0)}"
     elif kind == "missing":
         reason = "found nothing, expected this key"
     elif kind == "union_tag_not_found" and (
@@ -110,32 +104,30 @@ def first_fault(
     elif kind in ("union_tag_invalid", "union_tag_not_found"):
         where = (*where, "compensation")
         tag = str(context.get("tag", ""))
-        close = difflib.get_close_matches(tag, NAMES, 1, cutoff=0.0)
         reason = f"found {tag!r}" if tag else "found nothing"
         reason += f", expected one of {', '.join(NAMES)}"
-        reason += f" (nearest: {close[0]!r})" if tag and close else ""
+        reason += _nearest(tag, NAMES, 0.0) if tag else ""
     elif kind == "value_error":
         reason = f"found {value}, {first['msg'].removeprefix('Value error, ')}"
-    elif (
-        kind == "literal_error"
-        and sum(_clean(item["loc"], values) == where for item in errors) == 1
-    ):
-        reason = f"found {value}, expected {context['expected']}"
-        choices = re.findall(r"'([^']*)'", str(context["expected"]))
-        close = difflib.get_close_matches(str(first.get("input")), choices, 1)
-        reason += f" (nearest: {close[0]!r})" if close else ""
+    elif kind == "literal_error" and places.count(where) == 1:
+        expected = str(context["expected"])
+        near = _nearest(str(first.get("input")), re.findall(r"'([^']*)'", expected))
+        reason = f"found {value}, expected {expected}{near}"
     elif kind in ("too_short", "too_long"):
         limit = context.get("min_length", context.get("max_length"))
         reason = f"found {context.get('actual_length')} values, expected {limit}"
     else:
         # A union reports every branch that it tried.
-        wishes = [
-            _expected(item["msg"])
-            for item in errors
-            if _clean(item["loc"], values) == where
-        ]
+        pairs = zip(errors, places, strict=True)
+        wishes = [_expected(item["msg"]) for item, at in pairs if at == where]
         reason = f"found {value}, expected {' or '.join(dict.fromkeys(wishes))}"
     return error_at(path, text, where, reason)
+
+
+def _nearest(name: str, known: Sequence[str], cutoff: float = 0.6) -> str:
+    """Return in words which of the known names is meant; nothing where none is close."""
+    close = difflib.get_close_matches(name, known, 1, cutoff)
+    return f" (nearest: {close[0]!r})" if close else ""
 
 
 def _clean(loc: tuple[int | str, ...], values: dict[str, Any]) -> KeyPath:

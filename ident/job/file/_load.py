@@ -182,9 +182,10 @@ def load_job(path: Path, *, fits: bool = True) -> Job:
         spec = spec.model_copy(update={"fits": ()})
     job = Job(path, spec, text)
     if fits and not spec.fits:
-        empty = "found 0 values, expected 1"
-        missing = "found nothing, expected this key"
-        raise job.error(("fits",), empty if "fits" in values else missing)
+        found = (
+            "0 values, expected 1" if "fits" in values else "nothing, expected this key"
+        )
+        raise job.error(("fits",), f"found {found}")
     if (fault := find_fault(spec)) is not None:
         raise job.error(*fault)
     inputs: list[Path] = []

@@ -109,15 +109,12 @@ def fit_group(
         JobError: If the readings cannot carry the fit, or a result fits no list.
     """
     recording = read_group(tables, every)
-    unfit = {
-        plan.index: why for plan in every if (why := _unfit(plan, every, recording))
-    }
-    members = tuple(plan for plan in every if plan.index not in unfit)
+    unfit = {plan.index: _unfit(plan, every, recording) for plan in every}
+    members = tuple(plan for plan in every if not unfit[plan.index])
     try:
         if not members:
-            raise FitError(
-                "; ".join(f"{plan.name}: {unfit[plan.index]}" for plan in every)
-            )
+            msg = "; ".join(f"{plan.name}: {unfit[plan.index]}" for plan in every)
+            raise FitError(msg)
         group = _identified(name, members, recording)
     except FitError as error:
         words = f"group {name!r} from {', '.join(every[0].fit.sources)}: {error}"
@@ -125,7 +122,7 @@ def fit_group(
     drafts = {
         plan.index: plan.left_out(unfit[plan.index])
         for plan in every
-        if plan.index in unfit
+        if unfit[plan.index]
     }
     for k, plan in enumerate(members):
         share = Share(group, k)

@@ -27,8 +27,6 @@ class EffectShare:
     Attributes:
         index: Of its fit in the job, or None for what was fitted beside the fits.
         name: In words.
-        axis: Compensated axis.
-        compensation: As in the job.
         rms: Root mean square of what it adds to the readings, about its mean, in mm or °.
         information: What is left of its information beside the other effects, 0 to 1.
         determined: Whether the readings tell it.
@@ -52,7 +50,6 @@ class AxisSum:
     """The whole sum on one axis.
 
     Attributes:
-        axis: Compensated axis.
         unit: ``mm`` or ``deg``.
         noise: Standard deviation of one reading.
         datum: Constant error that no list of the group holds.
@@ -86,17 +83,13 @@ class GroupResult:
     """A group of fits that were identified together.
 
     Attributes:
-        name: In the job.
         fits: Indices of its fits.
         effects: How much of the error each is; helpers last.
         gauges: What may be moved between effects without changing the sum.
         confusions: What these readings cannot tell apart.
-        axes: The sum, axis by axis.
-        order: Time in s, or row number, of all rows.
-        timed: Whether it is a time.
+        order: Time in s, or row number, of all rows; a time where it is `timed`.
         held_out: What the prediction left out together: ``run`` or ``block``.
-        converged: Whether the fit settled.
-        message: How it went.
+        message: How the fit went.
         remarks: What concerns the group as a whole.
     """
 
@@ -174,14 +167,10 @@ def _effects(
     for index, part in zip(members, group.parts, strict=True):
         missing, written = undetermined_values(part, group.fit), drafts[index].written
         yield _share_of(part, not missing, some_of(missing, MOST), index, written)
-    for index in group.indices:
-        draft = drafts[index]
-        if index not in members:
-            assert isinstance(draft, LeftOutDraft)  # it was not fitted
-            nothing = (0.0, 0.0, False, False)
-            yield EffectShare(
-                index, draft.name, draft.axis, draft.compensation, *nothing, draft.why
-            )
+    for draft in (drafts[index] for index in group.indices if index not in members):
+        assert isinstance(draft, LeftOutDraft)  # it was not fitted
+        named = draft.index, draft.name, draft.axis, draft.compensation
+        yield EffectShare(*named, 0.0, 0.0, False, False, draft.why)
     for part in group.helpers:
         if part.effect.compensation == "delay":
             yield _share_of(part, part.known, "the instrument's")
@@ -292,12 +281,6 @@ def _added_by_files(
 
     The files of the axis are read back and run as one: what looks up a position that
     others move, or switches another off, does so here too.
-
-    Args:
-        files: The lists of the axis.
-        drafts: The fits of the group on this axis.
-        recording: What was measured.
-        rows: Readings of it that count.
     """
     job = drafts[0].job
     active = job.spec.measurements[drafts[0].fit.sources[0]].active

@@ -243,23 +243,20 @@ class LeftOutResult(AbstractResult):
 
     def details(self) -> dict[str, Any]:
         """Return parameters, deviations and support for result.json."""
-        part = self.part
-        if part is None:
-            parameters: dict[str, Any] = {"labels": [], "error": []}
-        else:
+        part, none = self.part, np.zeros(0)
+        effect = None if part is None else part.effect
+        values = none
+        if part is not None:
             values = np.where(part.determined, part.values, np.nan)
-            parameters = {"labels": list(part.effect.labels), "error": values}
         return {
-            "masters": [] if part is None else list(part.effect.masters),
-            "sensors": [] if part is None else list(part.effect.sensor_names),
+            "masters": effect.masters if effect else (),
+            "sensors": effect.sensor_names if effect else (),
             "left_out": True,
-            "parameters": parameters,
-            "standard_deviations": {
-                "error": [] if part is None else part.standard_deviation
-            },
-            "support": [] if part is None else part.support,
-            "determined": [] if part is None else part.determined,
-            "share_of_information": 0.0 if part is None else part.share,
+            "parameters": {"labels": effect.labels if effect else (), "error": values},
+            "standard_deviations": {"error": part.standard_deviation if part else none},
+            "support": part.support if part else none,
+            "determined": part.determined if part else none,
+            "share_of_information": part.share if part else 0.0,
             "noise": self.noise,
         }
 

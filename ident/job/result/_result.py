@@ -91,11 +91,9 @@ def staged(
 
 @dataclasses.dataclass(frozen=True)
 class ConventionState:
-    """A rule of the controller that was used.
+    """A rule of the controller that was used, with the value taken.
 
     Attributes:
-        name: Of the convention.
-        value: The value taken.
         state: ``assumed`` or ``verified``.
         meaning: One line.
         decides: ``sign``, ``owner`` or ``zero`` where a list is unproven without it, else
@@ -172,9 +170,7 @@ class AbstractResult(abc.ABC):
     """One compensation of one axis: error before and after, gate, files.
 
     Attributes:
-        compensation: As in the job: ``plane``, ``friction``, …
-        axis: Name of the compensated axis in the job.
-        axis_number: Its logical number.
+        axis_number: Logical number of the compensated axis.
         unit: Of the error: ``mm``, ``deg``, or the unit of the current.
         error: Keys ``before``, ``predicted``, ``from_file``.
         gate: All checks; ``passed`` is true when every one passed.
@@ -287,7 +283,6 @@ class TableResult(AbstractResult):
         masters: Axes whose positions enter the table (leadscrew: the axis itself),
             master 1 first.
         units: Of each one's positions, ``mm`` or ``°``.
-        limits: Software limits of masters that have some.
         limits: Software limits of the masters that have some.
         nodes: Node positions per master in its unit.
         table: Written table by branch name in ``unit`` and with the sign of the list

@@ -107,9 +107,8 @@ def near_of(
         scatter: Of a reading, as it was predicted.
         sloped: Whether a constant and slopes are the instrument's.
     """
-    columns = (
-        positions if direction is None else np.column_stack([positions, direction])
-    )
+    visits = [positions] if direction is None else [positions, direction[:, None]]
+    columns = np.hstack(visits)
     places, at, counts = np.unique(
         columns.round(2), axis=0, return_inverse=True, return_counts=True
     )
@@ -149,11 +148,9 @@ def scatter_of(
 
     Arguments are those of `near_of`.
     """
-    columns = (
-        positions if direction is None else np.column_stack([positions, direction])
-    )
-    at = np.unique(columns.round(2), axis=0, return_inverse=True)[1].reshape(-1)
-    scatter, count = repeatability(at, error)
+    visits = [positions] if direction is None else [positions, direction[:, None]]
+    at = np.unique(np.hstack(visits).round(2), axis=0, return_inverse=True)[1]
+    scatter, count = repeatability(at.reshape(-1), error)
     return scatter if count >= MANY else np.inf
 
 
@@ -376,6 +373,11 @@ class MeasuredAgain:
     beside: tuple[str, ...] = ()
 
     @property
+    def verdict(self) -> str | None:
+        """Of the diagnosis; None: there is none."""
+        return None if self.diagnosis is None else self.diagnosis.verdict
+
+    @property
     def rms(self) -> float | None:
         """Error with the list active, rms without wild readings; None: not measured."""
         return None if self.readings is None else self.readings.figures.sound.rms
@@ -418,12 +420,9 @@ class MeasuredAgain:
     @property
     def is_misread(self) -> bool:
         """Whether a diagnosis names what the list does that it does not say."""
-        if self.shown or self.diagnosis is None:
-            return False
-        return self.diagnosis.verdict not in ("right", "cannot tell")
+        return not self.shown and self.verdict not in (None, "right", "cannot tell")
 
     @property
     def acts(self) -> bool:
         """Whether the list surely does what it says."""
-        diagnosis = self.diagnosis
-        return self.shown or (diagnosis is not None and diagnosis.verdict == "right")
+        return self.shown or self.verdict == "right"

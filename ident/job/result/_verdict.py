@@ -134,8 +134,8 @@ def judgement_of(fit: "AbstractResult") -> Judgement:
     unseen = fit.again is not None and fit.again.rms is None and not acts
     told = any(reason.code is Code.DIAGNOSED for reason in reasons)
     if fit.again is not None and (assumed or unseen) and not told:
-        diagnosed = None if fit.again.diagnosis is None else fit.again.diagnosis.verdict
-        reasons.append(Reason(Code.DIAGNOSED, {"verdict": diagnosed, "value": None}))
+        fields = {"verdict": fit.again.verdict, "value": None}
+        reasons.append(Reason(Code.DIAGNOSED, fields))
     if reasons:
         return Judgement(Verdict.UNPROVEN, tuple(reasons))
     if fit.again is None:
@@ -181,6 +181,5 @@ def _doubts(fit: "AbstractResult") -> list[Reason]:
         return [Reason(Code.NEAR, {"where": again.readings.near})]
     unseen = again.readings.unseen
     if unseen and not again.acts:  # what they do not show may be all that it adds
-        told = None if again.diagnosis is None else again.diagnosis.verdict
-        return [Reason(Code.DIAGNOSED, {"verdict": told, "value": None})]
+        return [Reason(Code.DIAGNOSED, {"verdict": again.verdict, "value": None})]
     return [Reason(Code.IN_PART, unseen)] if unseen else []

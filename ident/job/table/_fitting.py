@@ -79,10 +79,7 @@ def fit_planned(plan: Plan, tables: Tables, left: Leftovers) -> AbstractDraft:
     if draft is not None:
         read = draft.readings
         refuse_small_part(plan, read)
-        doubts = (
-            *two_places(plan, read),
-            *limit_remarks(plan, read.positions, log=True),
-        )
+        doubts = *two_places(plan, read), *limit_remarks(plan, read.positions, log=True)
         draft = dataclasses.replace(draft, said=(*draft.said, *doubts))
     else:
         readings, notes = read_fit(tables, plan, left)
@@ -94,8 +91,7 @@ def fit_planned(plan: Plan, tables: Tables, left: Leftovers) -> AbstractDraft:
             said = [note.message for note in notes]
             if doubt := doubt_of_places(beyond, count):
                 said = [f"{beyond} of {count} readings lie outside the table.{doubt}"]
-            msg = " ".join([str(error), *said])
-            raise FitError(msg) from None
+            raise FitError(" ".join([str(error), *said])) from None
     refuse_unowned_trend(plan, draft.estimate)
     return held_beyond(draft)
 
@@ -144,13 +140,12 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
     if branch is not None:
         fewest = int(np.bincount(branch, minlength=2).min())
         if not fewest:
-            missing = missing_way(1 - 2 * branch)
+            notes = " ".join(each.message for each in remarks)
             reason = (
-                f"found no reading in {missing} direction of {plan.axis}, expected both"
-                " directions for bilateral = true"
+                f"found no reading in {missing_way(1 - 2 * branch)} direction of {plan.axis},"
+                f" expected both directions for bilateral = true. {notes}"
             )
-            notes = [each.message for each in remarks]
-            raise plan.refusal(". ".join([reason, " ".join(notes)]).rstrip(". "))
+            raise plan.refusal(reason.rstrip(". "))
     finer = fewest < table.layout.size // table.branches
     fit_to = functools.partial(
         fit_table,
@@ -323,15 +318,12 @@ def _kept(
     if fit.estimate is not None:
         effect = fit.estimate.posterior.problem.stack.effects[-1]
     kept = effect.kept if isinstance(effect, GroupEffect) else None
-    offsets, *drifts = (
-        (ones,) if kept is None else np.split(kept, len(kept) // len(counted))
-    )
+    parts = [ones] if kept is None else np.split(kept, len(kept) // len(counted))
+    middle = 0.0 if samples.order is None else samples.order - 0.5
     patterns = []
-    for deviation, effects in zip(scatter, (offsets, *drifts), strict=False):
+    # The offsets, and the drifts about the middle of a run.
+    for deviation, effects, place in zip(scatter, parts, (1.0, middle), strict=False):
         shown = effects[:, effects.any(axis=0)] * counted[:, None]
-        place = (
-            1.0 if effects is offsets or samples.order is None else samples.order - 0.5
-        )
         columns = np.linalg.qr(shown)[0].T
         patterns += [deviation * place * column[index] for column in columns]
     return patterns

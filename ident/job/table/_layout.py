@@ -61,35 +61,35 @@ def _nodes(
         )
     if old is not None:
         return nodes_in(old, name)
+    source = fit.sources[0]
     # No mesh is that large.
-    if len(fit.over) == 2 and tables.large(fit.sources[0]) is None:
-        read = tables.table(fit.sources[0])
-        columns = tables.job.spec.measurements[fit.sources[0]].columns
+    if len(fit.over) == 2 and tables.large(source) is None:
+        read, columns = (
+            tables.table(source),
+            tables.job.spec.measurements[source].columns,
+        )
         if read.format in MESH_FORMATS and not columns:
             return tuple(_mesh_nodes(read.column(axis).values, name) for axis in "xy")
-    suited = _suited_nodes(tables, fit)
-    hint = f"; these suit the readings: {suited}" if suited else ""
-    reason = f"no nodes, expected {fit.nodes_wanted}{hint}"
+    reason = f"no nodes, expected {fit.nodes_wanted}{_suited_nodes(tables, fit)}"
     raise tables.job.error(("fits", index), reason)
 
 
 def _suited_nodes(tables: Tables, fit: TableSpec) -> str:
-    """Return nodes that suit the readings of a fit as keys; empty where that is unknown."""
-    masters = fit.over
-    turning = any(tables.job.spec.axes[name].modulo is not None for name in masters)
+    """Return the hint which nodes suit the readings of a fit; empty where that is unknown."""
+    turning = any(tables.job.spec.axes[name].modulo is not None for name in fit.over)
     if turning or any(tables.large(name) is not None for name in fit.sources):
         return ""
     try:
-        measured = [tables.measured(name, fit.axis, masters) for name in fit.sources]
+        measured = [tables.measured(name, fit.axis, fit.over) for name in fit.sources]
         places = [
             np.concatenate([table.require(f"{axis}.position") for table in measured])
-            for axis in masters
+            for axis in fit.over
         ]
     except MeasurementError:
         return ""
     if not all(np.ptp(column) > 0 for column in places):
         return ""
-    return grid_words(grid_keys(places))
+    return f"; these suit the readings: {grid_words(grid_keys(places))}"
 
 
 def _mesh_nodes(places: Float[np.ndarray, " t"], name: str) -> ListNodes:
@@ -100,9 +100,7 @@ def _mesh_nodes(places: Float[np.ndarray, " t"], name: str) -> ListNodes:
     """
     lines = np.unique(places)
     if len(lines) < 2:
-        raise ExchangeError(
-            where=name, found="one line of points", expected="a surface"
-        )
+        raise ExchangeError(name, "one line of points", "a surface")
     start = round(float(lines[0]) * LIST_UNITS) / LIST_UNITS
     # A line without any reading leaves a gap: the smallest distance is that of the grid.
     count = round(float(lines[-1] - lines[0]) / float(np.diff(lines).min())) + 1
@@ -203,8 +201,7 @@ def grid_over(
 def _targets(places: Float[np.ndarray, " p"]) -> Grid | None:
     """Return the evenly spaced targets at or beside which all places lie, or None.
 
-    Args:
-        places: Different places, ascending.
+    The places are different and ascend.
     """
     steps = np.diff(places)
     ends = np.flatnonzero(steps > 0.5 * steps.max(initial=0.0))

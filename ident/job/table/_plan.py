@@ -258,8 +258,7 @@ def plan(tables: Tables, index: int, fit: TableSpec) -> Plan:
             "found 'monotone' for a table that goes round, expected one with two ends"
         )
         raise job.error((*where, "constraints"), reason)
-    datum = datum_of(job, index, fit)
-    planned = Plan(job, index, fit, table, old, active, datum, ())
+    planned = Plan(job, index, fit, table, old, active, datum_of(job, index, fit), ())
     return dataclasses.replace(planned, remarks=(*notes, *_remarks(planned)))
 
 
@@ -337,25 +336,20 @@ def refuse_unstated(job: Job, fit: FitSpec, holder: str | None, on: str) -> None
     What was measured is then either the whole error or what that list leaves of it.
 
     Args:
-        job: The job.
-        fit: The fit.
+        job: For the error.
+        fit: Which is refused.
         holder: The list of the axis that holds its compensation, or None.
         on: What follows where it acted while measuring.
-
-    Raises:
-        JobError: Naming the measurement and the answers.
     """
     for name in fit.sources:
-        stated = job.spec.measurements[name].stated_active
-        if holder is None or stated is not None:
-            continue
-        kind = fit.compensation
-        raise job.error(
-            ("measurements", name),
-            f"found no active, and {Path(holder).name} holds {kind} of {fit.axis} already, expected"
-            f' active = ["{kind}"] if it was on while measuring ({on}), or active = [] if'
-            " it was off (the new values replace the old)",
-        )
+        stated, kind = job.spec.measurements[name].stated_active, fit.compensation
+        if holder is not None and stated is None:
+            raise job.error(
+                ("measurements", name),
+                f"found no active, and {Path(holder).name} holds {kind} of {fit.axis} already,"
+                f' expected active = ["{kind}"] if it was on while measuring ({on}), or active'
+                " = [] if it was off (the new values replace the old)",
+            )
 
 
 def was_active(job: Job, index: int, fit: FitSpec, holder: str | None) -> bool:

@@ -62,8 +62,7 @@ def read_fit(
                 )
             )
     late = joined([rows.measured.late.get(axis) for rows in recording.rows.values()])
-    every = np.ones(len(error), dtype=bool)
-    readings = recording.readings(plan.fit.over, axis, error, every)
+    readings = recording.readings(plan.fit.over, axis, error, np.ones(len(error), bool))
     _refuse_standing(plan, readings)
     measured = [rows.measured for rows in recording.rows.values()]
     remarks += wander_remarks(plan, measured, readings)
@@ -71,11 +70,7 @@ def read_fit(
 
 
 def _refuse_standing(plan: "Plan", readings: Readings) -> None:
-    """Refuse measurements each of which stood at one place and has a zero of its own.
-
-    Raises:
-        JobError: They say nothing of what lies between their places.
-    """
+    """Refuse measurements each of which stood at one place and has a zero of its own."""
     specs, fit = plan.job.spec.measurements, plan.fit
     reach = [float(np.ptp(nodes.positions)) for nodes in plan.table.nodes]
     for name, rows in readings.slices.items():
@@ -217,15 +212,15 @@ def datum_of(job: Job, index: int, fit: FitSpec) -> tuple[float, ...] | None:
     name, place = next(iter(places.items()))
     # A zero that is the instrument's is told by the table that goes through all of them.
     machine = any(
-        job.spec.measurements[name].remove == "none" and name not in places
-        for name in fit.sources
+        job.spec.measurements[name].remove == "none"
+        for name in datums
+        if name not in places
     )
     if len(set(places.values())) > 1 or machine:
-        raise job.error(
-            ("fits", index),
+        words = (
             "found measurements with different datums, expected the same one for all"
-            " that are joined",
         )
+        raise job.error(("fits", index), f"{words} that are joined")
     count = len(fit.over)
     if len(place) != count:
         raise job.error(

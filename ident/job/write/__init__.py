@@ -1,4 +1,4 @@
-"""From drafts to files: `_lists` of each axis, `_loadsheet` and `_first_run` beside them.
+"""From drafts to files: `_lists` of each axis, `_loadsheet` for who loads them.
 
 `_output` is the folder: whole files or none, and no failed list that looks valid.
 """

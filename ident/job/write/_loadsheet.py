@@ -1,6 +1,11 @@
-"""The load sheet: which file goes where, in which order, how to see it and go back.
+"""What a person does with the files: the load sheet, and the NC programs of a first run.
 
-The sentences stand in ``load_sheet.txt.jinja``; here is what they rest on.
+The sheet says which file goes where, in which order, how to see it and go back; its sentences
+stand in ``load_sheet.txt.jinja``. A first run is started at the machine after the reload, one
+program per channel: it checks that each compensation is initialised and active ([001] p.95),
+switches it off and on (p.94), waits in between, and leaves it as it was; nothing moves by
+itself. Its text stands in ``first_run.nc.jinja``. `#VAR`, ``V.L.`` and ``#CHANNEL INIT`` are
+those of the programming manual of TF5200.
 """
 
 import dataclasses
@@ -10,17 +15,19 @@ from typing import Any
 
 from ....data.units import small_unit
 from ..._templates import templates
-from ...diagnosis import OBJECTS, SCOPE
+from ...diagnosis import AXIS_WORD, OBJECTS, SCOPE, CompState, declared, numbered
+from ...kinds import Kind
 from .._draft import AbstractDraft
 from ..file._load import Job
 from ..result._job_result import LoadStep
 from ..result._result import AbstractResult
 from ..result._verdict import Code, Verdict
-from ._first_run import nameless, together
 from ._lists import AxisFiles
 
 _DIAL = 1e-3
 """mm or °: what a dial does not show settles no sign."""
+_Step = tuple[Kind, list[CompState]]
+"""A compensation, and the axes on which it is switched at once."""
 
 
 def _line(job: Job, draft: AbstractDraft, result: AbstractResult) -> dict[str, Any]:
@@ -31,15 +38,20 @@ def _line(job: Job, draft: AbstractDraft, result: AbstractResult) -> dict[str, A
     kind, word, judged = draft.kind, job.spec.nc_word(draft.axis), result.judgement
     open_ = [reason for reason in judged.reasons if reason.code is Code.ASSUMED]
     assumed = open_[0].fields["conventions"] if open_ else ()
-    expected = result.expectation if open_ else None
-    if expected is not None and not kind.adds_current and abs(expected.value) < _DIAL:
-        expected = None
-    if expected is not None:
+    expected, seen = (
+        result.expectation if open_ else None,
+        dict[str, Any](expected=None),
+    )
+    if expected is not None and (kind.adds_current or abs(expected.value) >= _DIAL):
         places = {job.spec.nc_word(name): at for name, at in expected.places.items()}
-        expected = dataclasses.replace(expected, places=places)
+        unit, factor = expected.unit, 1.0
+        if unit in {"mm", "deg"}:
+            unit, factor = small_unit(unit), 1e3
+        seen = {"value": factor * expected.value, "unit": unit}
+        seen["expected"] = dataclasses.replace(expected, places=places)
     worse = judged.has(Code.DIAGNOSED) or judged.has(Code.NO_BETTER)
     words = [job.spec.nc_word(axis) for axis in sorted(together(job, draft.axis))]
-    line = {
+    return seen | {
         "pair": words if len(words) > 1 else [],
         "off": " ".join(f"{each}[COMP OFF {kind.keyword}]" for each in words),
         "on": " ".join(f"{each}[COMP ON {kind.keyword}]" for each in words),
@@ -55,14 +67,7 @@ def _line(job: Job, draft: AbstractDraft, result: AbstractResult) -> dict[str, A
         "length": job.spec.axes[draft.axis].unit,
         "conventions": assumed,
         "beside": [rule.name for rule in result.rests_on if rule.name in assumed],
-        "expected": expected,
     }
-    if expected is not None:
-        unit, factor = expected.unit, 1.0
-        if unit in {"mm", "deg"}:
-            unit, factor = small_unit(unit), 1e3
-        line |= {"value": factor * expected.value, "unit": unit}
-    return line
 
 
 def load_sheet(
@@ -134,3 +139,66 @@ def load_sheet(
     )
     steps = [part.splitlines() for part in re.split(r"^## ", text, flags=re.M)[1:]]
     return tuple(LoadStep(action, " ".join(lines)) for action, *lines in steps)
+
+
+def program_names(job: Job) -> tuple[str, ...]:
+    """Return the names of all programs that a job may write."""
+    channels = {job.spec.axes[fit.axis].channel for fit in job.spec.fits}
+    return tuple(f"first_run_{channel}.nc" for channel in sorted(channels))
+
+
+def first_run_programs(job: Job, files: Sequence[AxisFiles]) -> dict[str, str]:
+    """Return the programs of a job in ASCII, by name of the file.
+
+    Axes whose lists failed have no part in them, nor have axes without a word that an NC
+    program understands (`nameless`).
+    """
+    unnamed = nameless(job, [axis.axis for axis in files])
+    let_out = [
+        axis
+        for axis in files
+        if axis.lists and not (axis.failed or axis.axis in unnamed)
+    ]
+    drafts = [draft for axis in let_out for draft in axis.drafts if draft.written]
+    channels: dict[int, dict[tuple[frozenset[str], Kind], list[CompState]]] = {}
+    for draft in sorted(drafts, key=lambda draft: draft.index):
+        # Both axes of a gantry at once: one of them alone would twist it.
+        switched = together(job, draft.axis), draft.kind
+        steps = channels.setdefault(job.spec.axes[draft.axis].channel, {})
+        state = CompState(job.spec.nc_word(draft.axis), draft.kind.keyword)
+        steps.setdefault(switched, []).append(state)
+    title = job.spec.title or job.path.stem
+    return {
+        f"first_run_{channel}.nc": _program(
+            channel, [(kind, states) for (_, kind), states in steps.items()], title
+        )
+        for channel, steps in sorted(channels.items())
+    }
+
+
+def together(job: Job, axis: str) -> frozenset[str]:
+    """Return an axis with its partners in a gantry of the same channel."""
+    axes = job.spec.axes
+    every = (axis, *job.spec.partners(axis))
+    return frozenset(n for n in every if axes[n].channel == axes[axis].channel)
+
+
+def nameless(job: Job, axes: Sequence[str]) -> tuple[str, ...]:
+    """Return those axes whose word no NC program understands."""
+    return tuple(
+        axis for axis in axes if not re.fullmatch(AXIS_WORD, job.spec.nc_word(axis))
+    )
+
+
+def _program(channel: int, steps: Sequence[_Step], title: str) -> str:
+    states = [state for _, axes in steps for state in axes]
+    template = templates(__package__ or "").get_template("first_run.nc.jinja")
+    # Words are checked, the title is a comment.
+    text = template.render(
+        channel=channel,
+        steps=steps,
+        declared=declared(states),
+        words=list(dict.fromkeys(state.word for state in states)),
+        title=title,
+    )
+    return numbered(text.splitlines())
