@@ -75,11 +75,6 @@ class Second:
         hashed = sha256(self.job.path)
         return {"file": self.name, "sha256": hashed, "date": self.date}
 
-    @property
-    def record(self) -> dict[str, Any]:
-        """What result.json keeps of it, so that a rerun does not lose it."""
-        return {**self.source, "inputs": _hashes(self.job), "lists": dict(self.lists)}
-
 
 def plan_second(
     job: Job, named: Path | None, root: Path, files: Sequence[AxisFiles]
@@ -236,11 +231,13 @@ def measure_again(
     settled, notes = _settled_by(fits)
     if settled:
         notes += _save_settled(job, root, settled)
+    # So that a rerun does not lose it.
+    record = {**second.source, "inputs": _hashes(second.job), "lists": second.lists}
     return dataclasses.replace(
         result,
         fits=tuple(_finished(fit, settled) for fit in fits),
         remarks=(*result.remarks, *remarks, *notes),
-        second=second.record,
+        second=record,
     )
 
 
@@ -535,8 +532,9 @@ def _settled_by(
         again = result.again
         if again is None:
             continue
-        diagnosis = again.diagnosis
+        diagnosis, readings = again.diagnosis, again.readings
         sign = 1 if again.shown else 0 if diagnosis is None else diagnosis.sign
+        decided = {"owner", "zero"} if readings and readings.zero else {"owner"}
         # Scatter of the runs may look like a fault: the error must go the same way.
         worse = again.rms is not None and (again.rms - again.before) * sign > 0
         if sign == 0 or worse:
@@ -544,7 +542,7 @@ def _settled_by(
         for rule in result.conventions:
             if rule.decides == "sign":
                 votes.setdefault(rule.name, set()).add(sign * int(rule.value))
-            elif again.acts and sign > 0 and rule.decides in again.shows:
+            elif again.acts and sign > 0 and rule.decides in decided:
                 value = int(rule.value) if rule.decides == "zero" else rule.value
                 votes.setdefault(rule.name, set()).add(value)
     remarks = [

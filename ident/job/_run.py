@@ -154,6 +154,7 @@ def fit_all(
     """
     job = tables.job
     fits, grouped = job.spec.fits, job.spec.grouped
+    starts = [f"{fit.name} from {', '.join(fit.sources)}" for fit in fits]
     _refuse_streams(job, grouped)
     drafts: dict[int, AbstractDraft] = {}
     groups: list[IdentifiedGroup] = []
@@ -184,7 +185,7 @@ def fit_all(
         if k not in confounded or fits[k].kind.partial:
             say(f"fitting {fits[k].compensation} of {fits[k].axis}")
             try:
-                with job.blaming(("fits", k), f"{_start(fits[k])}: "):
+                with job.blaming(("fits", k), f"{starts[k]}: "):
                     draft = single[k].fit_single(tables, left)
             except JobError as error:
                 reason = _with_standing(error.reason, tables, fits[k])
@@ -199,15 +200,11 @@ def fit_all(
     if len(undetermined) == len(fits):
         k = next(iter(undetermined))
         reason = _with_standing(str(undetermined[k]), tables, fits[k])
-        raise job.error(("fits", k), f"{_start(fits[k])}: {reason}")
+        raise job.error(("fits", k), f"{starts[k]}: {reason}")
     for (k, _), acting in left.items():
         beside = dict.fromkeys((*drafts[k].beside, *(each.name for each in acting)))
         drafts[k] = dataclasses.replace(drafts[k], beside=tuple(beside))
     return [drafts[k] for k in range(len(fits))], groups
-
-
-def _start(fit: FitSpec) -> str:
-    return f"{fit.name} from {', '.join(fit.sources)}"
 
 
 def _with_standing(reason: str, tables: Tables, fit: FitSpec) -> str:
@@ -223,11 +220,7 @@ def _with_standing(reason: str, tables: Tables, fit: FitSpec) -> str:
 
 
 def _refuse_streams(job: Job, grouped: frozenset[int]) -> None:
-    """Raise where a log is to be read in pieces for a fit that needs the whole of it.
-
-    Raises:
-        JobError: Naming the measurement.
-    """
+    """Raise where a log is to be read in pieces for a fit that needs the whole of it."""
     for index, fit in enumerate(job.spec.fits):
         if index not in grouped and fit.kind.table:
             continue

@@ -119,11 +119,7 @@ class _Axis:
         return self._whole((draft.compensation,), (check,), lines, (), [])
 
     def _together(self, loaded: AxisLists, names: tuple[str, ...]) -> WholeAxis:
-        """Return an axis on which several compensations act.
-
-        Raises:
-            ExchangeError: If a list makes no table.
-        """
+        """Return an axis on which several compensations act."""
         lines, jumps = judge_workspace(loaded, self._travel(), self.job.spec.gate)
         remarks = [
             *self._abrupt(loaded, jumps),
@@ -262,15 +258,12 @@ class _Axis:
             a.number: (a.limits[0], a.limits[1]) for a in axes.values() if a.limits
         }
         spans |= self.job.ranges
-        reached: dict[int, tuple[float, float]] = {}
+        reached = dict[int, tuple[float, float]]()
         for _, _, reading in self._measured:
             places = {} if isinstance(reading, str) else reading[0].positions
             for number, place in places.items():
-                low, high = reached.get(number, (np.inf, -np.inf))
-                reached[number] = (
-                    float(place.min(initial=low)),
-                    float(place.max(initial=high)),
-                )
+                ends = np.append(place, reached.get(number, ()))
+                reached[number] = float(ends.min()), float(ends.max())
         # How warm the sensors get that temperature laws follow, laws of zeros among them.
         warmth: dict[str, tuple[float, float]] = {}
         for draft in (each for each in self.files.drafts if each.written):
@@ -315,7 +308,7 @@ class _Axis:
             lacking = [n for n in names if n not in added and not kind(n).unseen]
             # Over axes that stood still it adds a constant, which nobody knows.
             still = [n for n in lacking if self._is_still(loaded.inputs(n), motion)]
-            own_zero = spec.remove == "none" and spec.datum is None
+            own_zero = not spec.zeroed
             # One that was off would add it to a zero that holds it already.
             unknown = {n for n in still if n not in spec.active} if own_zero else set()
             places = {*lacking} - {*still} | unknown
@@ -327,12 +320,9 @@ class _Axis:
                 over = [measured.positions[axes[k].number] for k in draft.fit.over]
                 added = {k: without_zero(v, over, "line") for k, v in added.items()}
             about_zero = own_zero and not still
-            group = draft.fit.group
-            members = [
-                each
-                for each in self.drafts
-                if each is draft or (group is not None and each.fit.group == group)
-            ]
+            group, members = draft.fit.group, [draft]
+            if group is not None:
+                members = [each for each in self.drafts if each.fit.group == group]
             own = tuple(each.compensation for each in members)
             if (source, own) in seen:
                 continue  # by another fit of its group

@@ -263,6 +263,11 @@ class MeasurementSpec(JobPart, frozen=True):
     10⁷ cells. Example: `true`."""
 
     @property
+    def zeroed(self) -> bool:
+        """Whether the zero of its readings is the instrument's."""
+        return self.remove != "none" or self.datum is not None
+
+    @property
     def at_reference(self) -> bool:
         """Whether lengths are those at the reference temperature."""
         stated = None not in (self.expansion, self.material_temperature)

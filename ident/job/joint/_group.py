@@ -3,6 +3,7 @@
 Fits of no group that share readings are looked at likewise: what these cannot tell apart.
 """
 
+import contextlib
 import dataclasses
 import functools
 from collections.abc import Iterator, Mapping, Sequence
@@ -24,10 +25,8 @@ from ...fit.joint import (
     fit_joint,
     held_out_errors,
 )
-from ...kinds._keys import FitSpec
 from ...readings import Tables
 from .._draft import AbstractDraft, AbstractPlan
-from ..file._load import Job
 from ._recording import GroupRecording, read_group
 from ._share import Share
 
@@ -40,9 +39,6 @@ class IdentifiedGroup:
     """A joint fit with its proof.
 
     Attributes:
-        name: Of the group in the job.
-        members: Its fits.
-        recording: What was measured.
         fit: The estimate; the parts of the members first, in their order.
         held_out: Error less the whole sum as fitted without the reading, by axis.
     """
@@ -54,14 +50,9 @@ class IdentifiedGroup:
     held_out: Mapping[str, Float[np.ndarray, " t"]]
 
     @property
-    def job(self) -> Job:
-        """The job."""
-        return self.members[0].job
-
-    @property
     def indices(self) -> tuple[int, ...]:
         """The fits of the group, those included that its readings do not show."""
-        return self.job.spec.groups[self.name]
+        return self.members[0].job.spec.groups[self.name]
 
     @property
     def parts(self) -> tuple[Part, ...]:
@@ -202,11 +193,7 @@ def _effects(
     recording: GroupRecording,
     helpers: Sequence[AbstractEffect],
 ) -> list[AbstractEffect]:
-    """Return the effect of each member; some show their form in what the others leave.
-
-    Raises:
-        FitError: If one does not, naming the member.
-    """
+    """Return the effect of each member; some show their form in what the others leave."""
     effects = [member.effect(recording, None) for member in members]
     errors = {member.axis: recording.data.error[member.axis] for member in members}
     others = [*(effect for effect in effects if effect is not None), *helpers]
@@ -284,22 +271,15 @@ def confounded(tables: Tables, plans: Mapping[int, AbstractPlan]) -> dict[int, s
     for members in groups.values():
         # A table alone on a log that is read in pieces stays aside: whatever shares the
         # log has it read into memory.
-        try:
-            if len(members) > 1 or not (
-                members[0].kind.table and _is_large(tables, members[0].fit)
-            ):
+        specs = {k: tables.job.spec.measurements[k] for k in members[0].fit.sources}
+        with contextlib.suppress(AxcompError):  # what is wrong each fit says itself
+            in_pieces = members[0].kind.table and any(
+                spec.stream is not False and tables.large(name) is not None
+                for name, spec in specs.items()
+            )
+            if len(members) > 1 or not in_pieces:
                 reasons |= _confused(members, read_group(tables, members))
-        except AxcompError:
-            continue  # What is wrong each fit says in its own words.
     return reasons
-
-
-def _is_large(tables: Tables, fit: FitSpec) -> bool:
-    return any(
-        tables.job.spec.measurements[name].stream is not False
-        and tables.large(name) is not None
-        for name in fit.sources
-    )
 
 
 def _confused(
@@ -310,8 +290,7 @@ def _confused(
     for member in members:
         if member.unfit(recording):
             continue  # It says so in its own words.
-        why = member.undetermined(data) or member.confused(members, recording)
-        if why:
+        if why := member.undetermined(data) or member.confused(members, recording):
             reasons[member.index] = why
     if len(members) < 2 or reasons:
         return reasons

@@ -224,7 +224,7 @@ def _sum(
         )
     return AxisSum(
         axis=axis,
-        unit=group.job.spec.axes[axis].plain_unit,
+        unit=drafts_of[mine[0]].unit,
         noise=float(fit.noise[axis]),
         datum=residual[axis],
         rows=rows,

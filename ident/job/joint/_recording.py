@@ -181,7 +181,7 @@ def read_group(
     remarks += _grown(tables.job, members, columns, slices)
     remarks += _warm(tables.job, members, every)
     specs = [tables.job.spec.measurements[name] for name in lead.sources]
-    zeroed = any(spec.remove != "none" or spec.datum is not None for spec in specs)
+    zeroed = any(spec.zeroed for spec in specs)
     # Runs without an offset: it is what tells the temperature, unless that moves no whole axis
     # and the zero of the instrument is arbitrary.
     heated = _unique(
@@ -297,11 +297,9 @@ def _own_zero(
 ) -> Bool[np.ndarray, " t"] | None:
     """Return whether the zero of each reading is the machine's; None where all are alike.
 
-    Those of an axis, that is: of another axis the instrument is another one.
-
-    Raises:
-        JobError: If the slope is the instrument's in some measurements only: what the
-            others leave of it would be taken for the machine's.
+    Those of an axis, that is: of another axis the instrument is another one. Where the slope is
+    the instrument's in some measurements only, what the others leave of it would be taken for
+    the machine's: that is refused.
     """
     removed = {name: job.spec.measurements[name].remove for name in sources}
     mixed = False

@@ -4,7 +4,7 @@ A fit that its readings do not tell is left out: named, and not written.
 """
 
 import dataclasses
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, final
 
@@ -13,7 +13,6 @@ from jaxtyping import Bool, Float
 
 from ...fit.joint import JointFit, Part
 from ...proof import ErrorFigures, error_figures
-from ...readings import Readings
 from .._draft import AbstractDraft
 from ..result._result import STAGES, AbstractResult, Remark, some_of
 from ._recording import GroupRecording
@@ -33,12 +32,7 @@ TOGETHER = "Identified "
 
 @dataclasses.dataclass(frozen=True)
 class Share:
-    """One part of a joint fit with the readings that show it.
-
-    Attributes:
-        group: The joint fit with its proof.
-        number: Of the member.
-    """
+    """The part of a member of a joint fit, by its number, with the readings that show it."""
 
     group: "IdentifiedGroup"
     number: int
@@ -55,7 +49,7 @@ class Share:
 
     @property
     def part(self) -> Part:
-        """The part."""
+        """Its part of that."""
         return self.fit.parts[self.number]
 
     @property
@@ -80,10 +74,8 @@ class Share:
     @property
     def beside(self) -> tuple[int, ...]:
         """Numbers of the other members on the same axis."""
-        axes = [part.effect.axis for part in self.group.parts]
-        return tuple(
-            k for k, other in enumerate(axes) if other == self.axis and k != self.number
-        )
+        same = [k for k, p in enumerate(self.group.parts) if p.effect.axis == self.axis]
+        return tuple(k for k in same if k != self.number)
 
     @property
     def tables(self) -> tuple[str, ...]:
@@ -127,16 +119,6 @@ class Share:
     def wild(self) -> Bool[np.ndarray, " t"]:
         """Used readings that the loss rejected outright."""
         return np.asarray(self.fit.wild[self.axis][self.rows])
-
-    def readings(self, over: Sequence[str], turns: bool) -> Readings:
-        """Return the used readings as a fit of this part alone takes them.
-
-        Args:
-            over: Axes whose positions it needs.
-            turns: Whether the direction of motion counts.
-        """
-        axis = self.axis if turns else None
-        return self.recording.readings(over, axis, self.error, self.rows)
 
     @property
     def why_undetermined(self) -> str:

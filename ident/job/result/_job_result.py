@@ -37,7 +37,6 @@ class WholeAxis:
     """All that will act on one axis, read from the files and judged together.
 
     Attributes:
-        axis: Name in the job.
         compensations: What acts on its position.
         sizes: Largest value by line of the gate, of the sum and of what the axis moves by itself;
             those that were not judged are left out.
@@ -87,13 +86,13 @@ class JobResult:
     """Everything a job did.
 
     Attributes:
-        title: Of the job; ``machine`` its identity (id, measured_at) as given.
+        machine: Its identity (id, measured_at) as given.
         fits: One entry per ``[[fits]]``, in order.
         inputs: SHA-256 by file name, relative to the job.
         versions: Of axcomp, Python and the numerical libraries.
         load_sheet: Which file goes where, reload or restart, activation, the way back.
         remarks: What concerns the job as a whole.
-        wall_time: Seconds.
+        wall_time: In s.
         job: The job as resolved (defaults filled in), for the record.
         clocks: How files of one measurement were put onto one clock.
         groups: Fits that were identified together.

@@ -282,27 +282,27 @@ class SecondMeasurement:
             SecondMeasurementError: If they are.
         """
         # What is smaller than a step of the display shows as nothing.
-        step = max(map(resolution, (first, self.error)))
+        step, found = max(map(resolution, (first, self.error))), list[str]()
         for scatter, least, left in (
             (self.figures.rms, _FINER * predicted, predicted),
             (self._scatter, CLOSER * self.noise, self.noise),
         ):
             if scatter < least and left > step:
-                raise SecondMeasurementError(
-                    self.name,
-                    f"readings of the error that scatter by {1e3 * scatter:.1g} {unit}, where"
-                    f" {1e3 * left:.2g} {unit} are left of the first ones at best",
-                    "readings of the machine: is their unit right, and their column (columns)",
+                found.append(
+                    f"{1e3 * scatter:.1g} {unit}, where {1e3 * left:.2g} {unit} are left of the"
+                    " first ones at best"
                 )
-
         # Such an error that does not follow the list is none that a list makes, whatever it does.
         known = float(np.std(first) + (np.std(self.adds) if self.adds.size else 0.0))
-        rest = self._rest if alone else np.inf
-        if np.isfinite(rest) and rest > _COARSER * known:
+        if alone and _COARSER * known < self._rest < np.inf:
+            found.append(
+                f"{1e3 * self._rest:.3g} {unit} beside what the list adds, where the first ones"
+                f" and the list did by {1e3 * known:.3g} {unit}"
+            )
+        if found:
             raise SecondMeasurementError(
                 self.name,
-                f"readings of the error that scatter by {1e3 * rest:.3g} {unit} beside what the"
-                f" list adds, where the first ones and the list did by {1e3 * known:.3g} {unit}",
+                f"readings of the error that scatter by {found[0]}",
                 "readings of the machine: is their unit right, and their column (columns)",
             )
 
@@ -405,12 +405,6 @@ class MeasuredAgain:
             return False
         small = self.rms <= LESS * self.predicted
         return small and self.rms <= SHOWN * self.readings.added
-
-    @property
-    def shows(self) -> tuple[str, ...]:
-        """What beside the sign is seen of a list that acts as it says (`Convention.decides`)."""
-        zero = self.readings is not None and self.readings.zero
-        return ("owner", "zero") if zero else ("owner",)
 
     @property
     def is_wrong(self) -> bool:

@@ -43,7 +43,6 @@ class TableDraft(AbstractDraft):
     """A fitted table.
 
     Attributes:
-        plan: What is written.
         estimate: The fit, zero at the datum (sign of the error).
         run_effects: What each run was allowed of its own.
         readings: What was measured, zero at the datum; some of a log in pieces.

@@ -1,7 +1,7 @@
 """What readings leave open of a table: beyond the last of them, and in a gap that halves them."""
 
 import dataclasses
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -13,6 +13,8 @@ from ._layout import grid_keys, grid_words, same_nodes
 from ._plan import Plan
 from ._run_remarks import TINY
 
+_Gap = tuple[int, int, Int[np.ndarray, " n"], str]
+"""A master, a direction, the nodes along it that nobody read, and what the table does there."""
 _PART = 0.1
 """Share of a table over which readings must lie at least."""
 _TOUCHED = 0.25
@@ -40,9 +42,9 @@ def held_beyond(draft: TableDraft) -> TableDraft:
         base = plan.acting_offset.reshape(shape)
     values = estimate.values.reshape(shape) - base
     deviation = estimate.standard_deviation.reshape(shape).copy()
-    said = _Said(draft)
+    gaps = list[_Gap]()
     if branches == 2 and plan.inequalities is None:
-        _follow(draft, values, deviation, said)
+        _follow(draft, values, deviation, gaps)
     for k, line in enumerate(masters):
         if plan.table.periodic:
             break
@@ -64,7 +66,9 @@ def held_beyond(draft: TableDraft) -> TableDraft:
                 if (share * rest > np.maximum(TINY, sd[branch, way[1]])).any():
                     # Held at the last reading, the straight cell would miss those before it.
                     sd[branch, way[1]] = np.hypot(sd[branch, way[1]], rest)
-                    said.add(k, branch, way[1:2], "goes on as the last readings do")
+                    gaps.append(
+                        (k, branch, way[1:2], "goes on as the last readings do")
+                    )
                     edge, way = fitted[branch, way[1]], way[1:]
                 if len(way) < 2:
                     continue
@@ -82,14 +86,14 @@ def held_beyond(draft: TableDraft) -> TableDraft:
                 if plan.active and plan.inequalities is None:
                     held = "keeps its old shape, moved as its edge is"
                 if max(moved.max(), np.abs(gone - edge).max()) > TINY:
-                    said.add(k, branch, way[1:][seen], _FOLLOWS)
-                    said.add(k, branch, way[1:][~seen], held)
+                    gaps.append((k, branch, way[1:][seen], _FOLLOWS))
+                    gaps.append((k, branch, way[1:][~seen], held))
     estimate = dataclasses.replace(
         estimate,
         values=(values + base).reshape(estimate.values.shape),
         standard_deviation=deviation.reshape(estimate.values.shape),
     )
-    remarks = *draft.said, *said.remarks(), *_datum_beyond(draft)
+    remarks = *draft.said, *_unread(draft, gaps), *_datum_beyond(draft)
     return dataclasses.replace(draft, estimate=estimate, said=remarks)
 
 
@@ -97,7 +101,7 @@ def _follow(
     draft: TableDraft,
     values: Float[np.ndarray, "2 n"],
     deviation: Float[np.ndarray, "2 n"],
-    said: "_Said",
+    gaps: list[_Gap],
 ) -> None:
     """Move a direction where only the other one was read between nodes where both were."""
     table = draft.plan.table
@@ -116,48 +120,31 @@ def _follow(
         values[branch, gap] = gone[gap]
         deviation[branch] = np.hypot(deviation[branch], moved)
         if moved.max() > TINY:
-            said.add(0, branch, np.flatnonzero(gap), _FOLLOWS)
+            gaps.append((0, branch, np.flatnonzero(gap), _FOLLOWS))
 
 
-class _Said:
-    """Nodes without readings and what the table does there, collected to be said."""
-
-    def __init__(self, draft: TableDraft) -> None:
-        self.draft = draft
-        self.found = list[tuple[int, int, tuple[float, float], str]]()
-
-    def add(self, k: int, branch: int, nodes: Int[np.ndarray, " n"], does: str) -> None:
-        """Add nodes along a master, by number, if there are any."""
-        if len(nodes):
-            places = self.draft.plan.table.nodes[k].positions[nodes]
-            ends = float(places.min()), float(places.max())
-            self.found.append((k, branch, ends, does))
-
-    def remarks(self) -> Iterator[Remark]:
-        """Yield all that was found, once for both directions."""
-        words = dict[str, None]()
-        for k, branch, (low, high), does in self.found:
-            place = f"at {self.draft.plan.fit.over[k]} = {low:g}"
-            place += f" to {high:g}" * (high > low)
-            where = ""
-            if does == _FOLLOWS or self._read(k, 1 - branch, low, high):
-                where = f" in {'+−'[branch]} direction"
-            begin = f"No reading{where} lies {place}: there nobody measured"
-            if self._read(k, branch, low, high, wild=True):
-                begin = f"Only wild readings{where} lie {place}: there none counts"
-            words[f"{begin}, and the table {does}. Measure there as well."] = None
-        yield from map(Remark.warning, words)
-
-    def _read(
-        self, k: int, branch: int, low: float, high: float, *, wild: bool = False
-    ) -> bool:
-        """Whether readings of a direction lie from one place to another."""
-        if branch >= self.draft.plan.table.branches:
-            return False
-        nodes = self.draft.plan.table.nodes[k].positions
-        places = _places(self.draft, k, branch, wild=wild)
+def _unread(draft: TableDraft, gaps: Sequence[_Gap]) -> Iterator[Remark]:
+    """Yield where nodes have no readings and what the table does there, each once."""
+    words, table = dict[str, None](), draft.plan.table
+    for k, branch, unread, does in gaps:
+        if not len(unread):
+            continue
+        nodes = table.nodes[k].positions
+        low, high = sorted(nodes[unread[[0, -1]]].tolist())
         inside = (nodes >= low) & (nodes <= high)
-        return bool(_touched(nodes, places)[inside].all())
+        place = f"at {draft.plan.fit.over[k]} = {low:g}"
+        place += f" to {high:g}" * (high > low)
+        where, other = "", 1 - branch
+        if does == _FOLLOWS or (
+            other < table.branches
+            and _touched(nodes, _places(draft, k, other))[inside].all()
+        ):
+            where = f" in {'+−'[branch]} direction"
+        begin = f"No reading{where} lies {place}: there nobody measured"
+        if _touched(nodes, _places(draft, k, branch, wild=True))[inside].all():
+            begin = f"Only wild readings{where} lie {place}: there none counts"
+        words[f"{begin}, and the table {does}. Measure there as well."] = None
+    yield from map(Remark.warning, words)
 
 
 def _datum_beyond(draft: TableDraft) -> Iterator[Remark]:

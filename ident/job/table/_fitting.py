@@ -211,8 +211,8 @@ def _constrained(plan: Plan, shifts: Float[np.ndarray, "..."]) -> Remark:
 
 def draft_of_share(plan: Plan, share: "Share") -> TableDraft:
     """Return the table of a group as one that was fitted alone."""
-    recording = share.recording
-    readings = share.readings(plan.fit.over, plan.table.branches == 2)
+    recording, turns = share.recording, share.axis if plan.table.branches == 2 else None
+    readings = recording.readings(plan.fit.over, turns, share.error, share.rows)
     refuse_small_part(plan, readings)
     refuse_other_stretches(plan, readings)
     branch = plan.branch(readings.direction)

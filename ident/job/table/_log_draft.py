@@ -28,7 +28,6 @@ class FittedLog:
     """A log that a table was fitted to piece by piece.
 
     Attributes:
-        readings: What was measured.
         streamed: What the passes over it gave, with a table for every block left out.
         grouping: Tells the block of each reading: a place that is left out as one.
         zero: What was taken off the error, so that it is zero at the datum, in mm or °.
@@ -109,12 +108,10 @@ class FittedLog:
         if self.streamed.wild:
             wild = self.streamed.wild_of(samples)
         rows = [largest_wild(samples.error - self.zero, wild)]
-        branch = samples.branch
-        for way in (0,) if branch is None else (0, 1):
-            own = ~wild if branch is None else ~wild & (branch == way)
-            own_rows = np.flatnonzero(own)
-            for column in samples.positions[own].T if own_rows.size else ():
-                rows.append(own_rows[[np.argmin(column), np.argmax(column)]])
+        branch = np.zeros(len(wild)) if samples.branch is None else samples.branch
+        for own in (np.flatnonzero(~wild & (branch == way)) for way in (0, 1)):
+            for column in samples.positions[own].T if own.size else ():
+                rows.append(own[[np.argmin(column), np.argmax(column)]])
         return np.concatenate(rows)
 
 

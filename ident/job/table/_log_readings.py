@@ -42,7 +42,6 @@ class LogSource:
 
     Attributes:
         name: Of the measurement.
-        file: The file.
         columns: Column of each role that is used.
         roles: Every role that the file has.
     """
@@ -65,11 +64,7 @@ class LogSource:
 
 
 def _source_of(tables: Tables, name: str, file: LargeFile, plan: Plan) -> LogSource:
-    """Return a log as a fit uses it.
-
-    Raises:
-        MeasurementError: If the file does not tell what its columns are.
-    """
+    """Return a log as a fit uses it."""
     fit, spec = plan.fit, plan.job.spec.measurements[name]
     columns = tables.columns(name) or own_roles(
         file.head, spec.axis or fit.axis, fit.over
@@ -88,13 +83,7 @@ def _source_of(tables: Tables, name: str, file: LargeFile, plan: Plan) -> LogSou
 @final
 @dataclasses.dataclass(frozen=True)
 class LogReadings:
-    """The readings of a fit, piece by piece.
-
-    Attributes:
-        tables: Files of the job.
-        plan: What will be written.
-        sources: The logs, one after the other.
-    """
+    """The readings of a fit, piece by piece, of one log after the other."""
 
     tables: Tables
     plan: Plan
@@ -264,8 +253,7 @@ def _obstacles(readings: LogReadings, left: Leftovers) -> Iterator[tuple[str, bo
         if set(other.sources) & set(fit.sources):
             yield f"the {other.compensation} fit of {fit.axis} shares it", False
     specs = [plan.job.spec.measurements[name] for name in fit.sources]
-    own = any(spec.remove != "none" or spec.datum is not None for spec in specs)
-    if own and len(specs) > 1:
+    if any(spec.zeroed for spec in specs) and len(specs) > 1:
         words = (
             "only the table through all of them, in memory, tells the zero of each"
             " (remove, datum)"

@@ -72,8 +72,7 @@ class NodePasses:
     @classmethod
     def joined(cls, parts: "Sequence[NodePasses]") -> "NodePasses":
         """Return those of pieces that follow each other."""
-        names = [field.name for field in dataclasses.fields(cls)]
-        columns = ([getattr(part, name) for part in parts] for name in names)
+        columns = zip(*(vars(part).values() for part in parts), strict=True)
         return cls(*map(np.concatenate, columns))
 
     def whole(self) -> "NodePasses":
@@ -81,9 +80,7 @@ class NodePasses:
         longest = np.zeros(self.node.max(initial=0) + 1)
         np.maximum.at(longest, self.node, self.size)
         most = self.size >= _PASS * longest[self.node]
-        return NodePasses(
-            self.node[most], self.size[most], self.mean[most], self.square[most]
-        )
+        return NodePasses(*(column[most] for column in vars(self).values()))
 
 
 def as_passes_differ(
@@ -133,12 +130,9 @@ def one_way(plan: Plan, readings: Readings, fit: TableFit) -> list[Remark]:
     Where they go both ways, `of_both_ways` sees it.
     """
     time, table = readings.time, plan.table
-    if (
-        time is None
-        or len(time) < LOG
-        or readings.late is not None
-        or table.branches > 1
-    ):
+    if time is None or len(time) < LOG:
+        return []
+    if readings.late is not None or table.branches > 1:
         return []
     order = np.argsort(time, kind="stable")
     steps = np.diff(time[order])
@@ -220,17 +214,11 @@ def of_both_ways(
     surface was passed one way only, it would take that for waves from line to line; of few
     readings, as of a probe, that is said and not taken off.
 
-    Args:
-        plan: Of the table.
-        order: When each reading was taken.
-        samples: The readings.
-        fit: Of them.
+    The order is when each reading was taken.
     """
     order = np.argsort(order, kind="stable")
-    few = len(order) < LOG
-    if few and (
-        samples.positions.shape[1] < 2 or min(plan.table.layout.shape) < _LINES
-    ):
+    few, surface = len(order) < LOG, samples.positions.shape[1] > 1
+    if few and not (surface and min(plan.table.layout.shape) >= _LINES):
         return samples, []
     places = samples.positions[order]
     most = int(np.argmax(np.abs(np.diff(places, axis=0)).sum(axis=0)))

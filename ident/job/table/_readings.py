@@ -48,19 +48,14 @@ def read_fit(
             added = beside.at(rows)
             if not beside.shared:
                 # Of it, too, the readings tell no constant or slope of their own.
-                places = [
-                    recording.data.position[other][part] for other in plan.fit.over
-                ]
+                places = [recording.data.position[k][part] for k in plan.fit.over]
                 added = without_zero(added, places, rows.spec.remove)
             if plan.table.branches == 1 and not beside.shared:
                 remarks += _unseen_flanks(plan, recording, part, added, beside.words)
             error[part] += added
-            remarks.append(
-                Remark.info(
-                    f"Beside this table acts {beside.words}, which was off while {name!r} was"
-                    " measured: this table corrects what it leaves."
-                )
-            )
+            words = f"Beside this table acts {beside.words}, which was off while {name!r} was"
+            words += " measured: this table corrects what it leaves."
+            remarks.append(Remark.info(words))
     late = joined([rows.measured.late.get(axis) for rows in recording.rows.values()])
     readings = recording.readings(plan.fit.over, axis, error, np.ones(len(error), bool))
     _refuse_standing(plan, readings)
@@ -133,11 +128,7 @@ def with_one_zero(
     of each is the machine's.
     """
     specs = plan.job.spec.measurements
-    free = [
-        name
-        for name in readings.slices
-        if specs[name].remove != "none" or specs[name].datum is not None
-    ]
+    free = [name for name in readings.slices if specs[name].zeroed]
     if not free or len(readings.slices) < 2:
         return readings, None
     owner = np.zeros(len(readings.error), dtype=np.int64)

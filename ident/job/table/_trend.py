@@ -112,12 +112,7 @@ def trend_through(
 def refuse_unowned_trend(plan: Plan, fit: TableFit) -> None:
     """Raise where the job does not say whose a significant constant or slope is.
 
-    Args:
-        plan: Of the table.
-        fit: The error as the readings show it, nothing taken off.
-
-    Raises:
-        JobError: Naming the measurement, both numbers and the keys that answer.
+    The fit is that of the error as the readings show it, nothing taken off.
     """
     job, unstated = plan.job, _unstated(plan)
     if not unstated:
@@ -144,23 +139,17 @@ def trend_left(
 ) -> LeftTrend | None:
     """Return the constant and slopes of a second measurement; None where they are small.
 
-    Args:
-        plan: Of the table, with the second job.
-        first: Likewise, with the first job.
-        places: Of the readings.
-        error: Of the readings.
+    The plan is that of the table with the second job, the first that with the first one.
     """
     trend = trend_through(places, error, periodic=plan.table.periodic)
     if not asks_for_owner(plan.job, trend):
         return None
-    owned = not _unstated(plan) and (_has_zero(plan) or not _has_zero(first))
+    again, before = (
+        any(each.job.spec.measurements[name].zeroed for name in each.fit.sources)
+        for each in (plan, first)
+    )
+    owned = not _unstated(plan) and (again or not before)
     return LeftTrend(trend_words(plan.job, plan.fit, trend), trend.remainder, owned)
-
-
-def _has_zero(plan: Plan) -> bool:
-    """Return whether the zero of a measurement is the instrument's."""
-    every = (plan.job.spec.measurements[name] for name in plan.fit.sources)
-    return any(spec.remove != "none" or spec.datum is not None for spec in every)
 
 
 def _unstated(plan: Plan) -> list[str]:

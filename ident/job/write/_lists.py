@@ -28,7 +28,6 @@ class AxisFiles:
     """One axis from its drafts to its files.
 
     Attributes:
-        axis: Name in the job.
         existing: What it has already.
         drafts: All its fits, in the order of the job.
         cycles: Value of P-AXIS-00243, where a fit asks for one.

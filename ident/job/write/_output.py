@@ -50,11 +50,7 @@ def is_signed(content: bytes, comment: str = _SIGNED) -> bool:
 
 @contextlib.contextmanager
 def _reported(path: Path, failure: str) -> Iterator[None]:
-    """Turn an error of the system into one that says what could not be done.
-
-    Raises:
-        OutputError: Naming the file.
-    """
+    """Turn an error of the system into one that says what could not be done."""
     try:
         yield
     except OSError as error:
@@ -142,11 +138,7 @@ class OutFolder:
         return not (self._is_known and is_signed(content))
 
     def refuse_sources(self, names: Iterable[str]) -> None:
-        """Raise where a file to be written is one that the job reads.
-
-        Raises:
-            OutputError: Naming the file and what to do.
-        """
+        """Raise where a file to be written is one that the job reads."""
         theirs = {source.resolve() for source in self._sources}
         for name in names:
             target = self.root / name
