@@ -118,11 +118,7 @@ def _lists_of_single(draft: AbstractDraft) -> AxisLists:
 class Acting:
     """A compensation that acted in no reading of a fit, and will act beside it.
 
-    Attributes:
-        axis: On which it acts.
-        loaded: The lists that hold it.
-        words: Which it is.
-        shared: Whether it is fitted to the same readings.
+    The lists that are loaded hold it; it may be shared: fitted to the same readings.
     """
 
     job: Job

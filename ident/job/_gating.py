@@ -31,14 +31,9 @@ _AS_PREDICTED = 1.1
 def spread_over(
     job: Job, jump: float, listing: ListFile | None, entry: str, switched: bool = False
 ) -> int:
-    """Return the cycles that spread a jump; those of a list stay where they are enough.
+    """Return the cycles that spread a jump in mm or °, in which `max_switching` may count as well.
 
-    Args:
-        job: The job.
-        jump: In mm or °.
-        listing: The list that is there, or None.
-        entry: Of that list.
-        switched: Whether `max_switching` counts as well.
+    Those that a list has at its entry stay where they are enough.
     """
     limits, cycle_time = job.spec.gate, job.spec.controller.cycle_time
     fastest = limits.max_velocity

@@ -58,8 +58,7 @@ class Second:
     """A second measurement that is about the lists of this run.
 
     Attributes:
-        job: Its job.
-        name: Of that file, relative to the first job.
+        name: Of the file of its job, relative to the first job.
         date: Day on which it was first evaluated.
         lists: Hashes of what the lists say, by file name.
     """

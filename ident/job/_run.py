@@ -138,11 +138,7 @@ def fit_all(
 
     Groups come first: each explains the whole error of its measurements. Then backlash:
     it leaves the readings of both directions on the reference flank, where a table of
-    one direction belongs.
-
-    Args:
-        tables: Measurements of the job.
-        say: Called with a short line before each fit.
+    one direction belongs. A short line is said before each fit.
 
     Returns:
         The draft of each fit, in the order of the job, and the groups.

@@ -110,14 +110,9 @@ def nodes_for(
     over: Sequence[str],
     sources: Sequence[str],
 ) -> dict[str, Any]:
-    """Return the keys that give the nodes of a table; none without a position.
+    """Return the keys that give the nodes of a table of an axis; none without a position.
 
-    Args:
-        job: The job.
-        observation: Its measurements.
-        axis: Whose error the table holds.
-        over: Axes over whose positions it lies: its own, or its masters.
-        sources: Names of the measurements.
+    It lies over the positions of the axis itself, or of its masters, in these measurements.
     """
     if not over:
         return {}

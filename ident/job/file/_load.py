@@ -44,10 +44,8 @@ class Job:
     """A job that can be run.
 
     Attributes:
-        path: The job file, as given.
         spec: What it says.
         text: What stands in the file.
-        conventions: Rules of the controller.
         verified: Names of those that a log or a second measurement has settled.
         inputs: Every file that the job names, existing.
     """
@@ -194,7 +192,7 @@ def load_job(path: Path, *, fits: bool = True) -> Job:
         if not file.is_file():
             kind = "a folder" if file.is_dir() else "no such file"
             gone = job.error(where, f"found {name!r}: {kind}, expected a file")
-            raise MissingFileError(gone.source, gone.line, gone.reason)
+            raise MissingFileError(*gone.args)
         inputs.append(file)
     rules = StoredConventions()
     if spec.machine.conventions is not None:

@@ -298,17 +298,11 @@ class MeasurementSpec(JobPart, frozen=True):
 def _column_spec(choice: str | ColumnChoice | list[ColumnOfRun]) -> ColumnSpec:
     if isinstance(choice, str):
         return ColumnSpec(choice)
-    if isinstance(choice, ColumnChoice):
-        return ColumnSpec(
-            choice.column or "",
-            **choice.model_dump(exclude={"column", "file"}, exclude_unset=True),
-        )
-    return ColumnSpec(
-        "",
-        parts=tuple(
-            ColumnSpec(**column.model_dump(exclude_unset=True)) for column in choice
-        ),
-    )
+    if isinstance(choice, list):
+        parts = [ColumnSpec(**one.model_dump(exclude_unset=True)) for one in choice]
+        return ColumnSpec("", parts=tuple(parts))
+    stated = choice.model_dump(exclude={"column", "file"}, exclude_unset=True)
+    return ColumnSpec(choice.column or "", **stated)
 
 
 class Verify(JobPart, frozen=True):

@@ -26,7 +26,6 @@ class EffectShare:
 
     Attributes:
         index: Of its fit in the job, or None for what was fitted beside the fits.
-        name: In words.
         rms: Root mean square of what it adds to the readings, about its mean, in mm or °.
         information: What is left of its information beside the other effects, 0 to 1.
         determined: Whether the readings tell it.

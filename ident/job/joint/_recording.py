@@ -130,11 +130,8 @@ def read_group(
 ) -> GroupRecording:
     """Return the readings of a group: every column that its members use.
 
-    Args:
-        tables: Measurements of the job.
-        members: Planned fits of the same measurements.
-        alone: It is one table that stands alone: a cell without a value is refused, and the
-            direction is read wherever the file tells it.
+    They have the same measurements. Of one table that stands alone a cell without a value is
+    refused, and the direction is read wherever the file tells it.
 
     Raises:
         MeasurementError: If a role is missing or a value cannot be used.

@@ -261,10 +261,6 @@ class LeftOutDraft(AbstractDraft):
         return False
 
     @property
-    def needs(self) -> str:
-        return ""
-
-    @property
     def name(self) -> str:
         return self.fit.name if self.share is None else self.share.part.name
 

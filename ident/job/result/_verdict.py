@@ -69,12 +69,7 @@ class Code(enum.StrEnum):
 
 @dataclasses.dataclass(frozen=True)
 class Reason:
-    """One reason of a verdict.
-
-    Attributes:
-        code: Which.
-        fields: What goes with it.
-    """
+    """One reason of a verdict, with the fields of its code."""
 
     code: Code
     fields: Mapping[str, Any] = dataclasses.field(default_factory=dict)

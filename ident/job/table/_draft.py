@@ -10,10 +10,10 @@ from jaxtyping import Float, Int
 
 from ....data.lists import Value
 from ....data.signals import wild_readings
-from ...exchange import LIST_UNITS, by_branch
+from ...exchange import LIST_UNITS, REVERSAL_CYCLES, by_branch
 from ...fit import TableFit
 from ...kinds._keys import FitSpec, TableSpec
-from ...proof import GateCheck, GateTable, HeldOut, judge
+from ...proof import GateCheck, GateTable, HeldOut, error_figures, judge
 from ...proof.axis import check_switching, switching_cycles
 from ...readings import Readings, Tables, without_zero
 from .._draft import AbstractDraft, Foreseen
@@ -95,9 +95,7 @@ class TableDraft(AbstractDraft):
         return f"Works once {subject} referenced"
 
     def entries(self) -> dict[str, Value]:
-        values: dict[str, Value] = dict(
-            self.plan.table.entries(self.integers, self.target)
-        )
+        values = self.plan.table.entries(self.integers, self.target)
         sizes = {key: value for key, value in values.items() if "[" not in key}
         if self.spread[0] is not None:
             sizes[f"{self.kind.prefix}.n_cycles"] = self.spread[0]
@@ -108,7 +106,7 @@ class TableDraft(AbstractDraft):
         if self._bilateral and cycles is not None:
             # A bilateral table contains the backlash; the parameter beside it would
             # compensate it twice.
-            values |= {"lr_param.anwahl_losekomp": 0, "lr_param.n_backlash_cyc": cycles}
+            values |= {"lr_param.anwahl_losekomp": 0, REVERSAL_CYCLES: cycles}
         return values
 
     def machine_remarks(self) -> Iterator[Remark]:
@@ -125,9 +123,7 @@ class TableDraft(AbstractDraft):
         if not self._bilateral:
             return None
         jump = float(abs(self.offset[0] - self.offset[1]).max())
-        return spread_over(
-            self.job, jump, self.lists.machine, "lr_param.n_backlash_cyc"
-        )
+        return spread_over(self.job, jump, self.lists.machine, REVERSAL_CYCLES)
 
     @property
     def jump(self) -> float:
@@ -181,7 +177,6 @@ class TableDraft(AbstractDraft):
         again = dataclasses.replace(plan, job=tables.job, fit=fit)
         readings, _ = with_one_zero(again, read_fit(tables, again, {})[0])
         datum = datum_of(tables.job, self.index, fit)
-        along = table.masters == (table.axis,)
         branch = plan.branch(readings.direction)
         added = table.offset(table.model(self.integers), readings.positions, branch)
         acted = plan.acted(readings.positions, branch)
@@ -197,15 +192,12 @@ class TableDraft(AbstractDraft):
         if not (part or turn) and (gap := gap_of(*places)):
             unseen["gap"] = [*gap]
         if "line" in _removed(tables.job, fit):  # no reading shows a slope
-            added, acted = (
-                without_zero(each, [*readings.positions.T], "line")
-                for each in (added, acted)
-            )
+            along = [*readings.positions.T]
+            added, acted = (without_zero(one, along, "line") for one in (added, acted))
             if "line" not in _removed(self.job, self.fit):
                 old, unseen["slope"] = self.readings, [*fit.over]
                 level = without_zero(old.error, [*old.positions.T], "line")
-                sound = level[~wild_readings(level)]
-                before = float(np.sqrt(np.mean(np.square(sound))))
+                before = error_figures(level, wild=wild_readings(level)).sound.rms
         error = readings.error - zero_at(readings, datum, table)
         near, noise, old = "", 0.0, self.readings
         if self.in_memory and old.late is None:  # a recording scatters in its own way
@@ -219,7 +211,7 @@ class TableDraft(AbstractDraft):
             ", ".join(fit.sources),
             readings.positions,
             error,
-            readings.direction if along else None,
+            readings.direction if table.masters == (table.axis,) else None,
             readings.run if run_table(readings, table) is not None else None,
             added=float(np.std(added)),
             adds=added,
@@ -257,9 +249,8 @@ class TableDraft(AbstractDraft):
             f' ["{name}"] of these measurements'
         )
         if shown < _SAME * size:
-            yield Remark.error(
-                f"{words}. If it was off, it is wrong: switch it off there."
-            )
+            words += ". If it was off, it is wrong: switch it off there."
+            yield Remark.error(words)
         else:
             yield Remark.warning(f"{words}: what is written takes its place.")
 

@@ -38,11 +38,7 @@ by both ways from which on it tells how much they differ."""
 class NodePasses:
     """What a table leaves of its readings, by pass of a node: one after the other in time.
 
-    Attributes:
-        node: Number of the node.
-        size: How many readings the pass has, at least two.
-        mean: Of what is left, in mm or °.
-        square: Mean square of it.
+    A pass has two readings or more; mean and mean square are those of what is left in mm or °.
     """
 
     node: Int[np.ndarray, " p"]
@@ -91,13 +87,7 @@ def as_passes_differ(
     Neighbours in time share what air, vibration and heat do. Then the passes of a node differ
     by more than the scatter within them would make them differ. The table must not follow
     that, and its deviations hold it: it is the mean of so many passes, and not of so many
-    readings.
-
-    Args:
-        plan: Of the table.
-        passes: Of all readings.
-        samples: Those whose residuals the fit holds.
-        fit: The table.
+    readings. The fit holds the residuals of the samples, the passes are those of all readings.
     """
     passes = passes.whole()
     node, size, mean = passes.node, passes.size, passes.mean

@@ -333,13 +333,8 @@ def _remarks(plan: Plan) -> Iterator[Remark]:
 def refuse_unstated(job: Job, fit: FitSpec, holder: str | None, on: str) -> None:
     """Raise where a list has the compensation already and a measurement does not say more.
 
-    What was measured is then either the whole error or what that list leaves of it.
-
-    Args:
-        job: For the error.
-        fit: Which is refused.
-        holder: The list of the axis that holds its compensation, or None.
-        on: What follows where it acted while measuring.
+    What was measured is then either the whole error or what that list leaves of it. The holder
+    is that list, if any, `on` what follows where it acted while measuring.
     """
     for name in fit.sources:
         stated, kind = job.spec.measurements[name].stated_active, fit.compensation

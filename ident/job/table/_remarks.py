@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from ....data.measurements import Measurement
 from ...exchange import AbstractTable
@@ -59,12 +59,8 @@ def fit_remarks(
 ) -> Iterator[Remark]:
     """Return gaps, suspicious nodes and runs, and what each run was allowed.
 
-    Args:
-        draft: The fit.
-        count: Its readings.
-        wild: How many of them it leaves out.
-        beyond: How many lie outside the table.
-        places: Where each wild reading lies, in words; empty where nobody kept that.
+    So many of its readings are wild, in these places where somebody kept them, or lie beyond
+    the table.
     """
     fit = draft.estimate
     empty = int(np.sum(fit.support == 0))
@@ -144,10 +140,8 @@ def _stretches(draft: "TableDraft") -> str:
     places = nodes.positions
     bare = draft.estimate.support.reshape(-1, len(places)) == 0
     edges = np.flatnonzero(np.diff(bare.any(axis=0), prepend=False, append=False))
-    ends = zip(
-        *(places[k].tolist() for k in (edges[::2], edges[1::2] - 1)), strict=True
-    )
-    words = [f"{low:g}" + f" to {high:g}" * (high > low) for low, high in ends]
+    ends = zip(places[edges[::2]], places[edges[1::2] - 1], strict=True)
+    words = [f"{low:g}" + f" to {high:g}" * int(high > low) for low, high in ends]
     return f" ({name} = {some_of(words, _MOST)})"
 
 
@@ -211,24 +205,19 @@ def wander_remarks(
     """
     if readings.run is not None or len(readings.error) >= LOG:
         return
-    every = []
-    for values in (one.values.with_gaps() for one in measured):
-        roles = (role for role in values if role.endswith(".position"))
-        every.append(
-            {role: values[role] for role in roles if role not in values.unusable}
-        )
+    every = [one.values.with_gaps() for one in measured]
+    usable = [{*values} - {*values.unusable} for values in every]
     columns = []
-    for name in {name for places in every for name in places}:
-        pairs = zip(every, measured, strict=True)
-        parts = [places.get(name, np.zeros(one.rows)) for places, one in pairs]
-        columns.append(np.concatenate(parts))
+    for role in {
+        role for roles in usable for role in roles if role.endswith(".position")
+    }:
+        parts = zip(every, usable, measured, strict=True)
+        places = [v[role] if role in own else np.zeros(m.rows) for v, own, m in parts]
+        columns.append(np.concatenate(places))
     if readings.direction is not None:
         columns.append(readings.direction)
-    error, order, places = readings.error, readings.order, np.column_stack(columns)
-    _, number, counts = np.unique(
-        places.round(6), axis=0, return_inverse=True, return_counts=True
-    )
-    number = number.reshape(-1)
+    error, order = readings.error, readings.order
+    number, counts = _places_in(np.column_stack(columns))
     mean = np.bincount(number, error) / counts
     again = (counts > 1)[number]
     change = (error - mean[number])[again][np.argsort(order[again], kind="stable")]
@@ -242,6 +231,16 @@ def wander_remarks(
             " not hold that: state what was a run of its own (run), or that the instrument"
             " drifts (drift, with a group)."
         )
+
+
+def _places_in(
+    columns: Float[np.ndarray, "t c"],
+) -> tuple[Int[np.ndarray, " t"], Int[np.ndarray, " p"]]:
+    """Return the number of the place of each reading, and how often each is read."""
+    _, number, counts = np.unique(
+        columns.round(6), axis=0, return_inverse=True, return_counts=True
+    )
+    return number.reshape(-1), counts
 
 
 def _copies(draft: "TableDraft") -> Iterator[Remark]:
@@ -317,21 +316,19 @@ def _turn_remarks(draft: "TableDraft") -> Iterator[Remark]:
     if len(readings.error) >= LOG or draft.plan.table.branches == 2:
         return
     order = np.argsort(readings.order, kind="stable")
-    places, error = readings.positions[order].round(6), readings.error[order]
-    _, place, visits = np.unique(
-        places, axis=0, return_inverse=True, return_counts=True
-    )
+    error = readings.error[order]
+    place, visits = _places_in(readings.positions[order])
     if way is not None and len(np.unique(way)) > 1:
         turn, state = way[order] < 0, "bilateral = true"
         first, second = "Readings in + direction lie", "those in − direction"
     else:
         turn = np.empty(len(error), bool)
         alternate = [np.arange(count) % 2 == 1 for count in visits]
-        turn[np.argsort(place.reshape(-1), kind="stable")] = np.concatenate(alternate)
+        turn[np.argsort(place, kind="stable")] = np.concatenate(alternate)
         first, second = "Every second reading of a place lies", "the others"
         second += ", as where an axis goes there and back"
         state = f'bilateral = true and their direction ("{draft.axis}.direction")'
-    cell = 2 * place.reshape(-1) + turn
+    cell = 2 * place + turn
     counts = np.bincount(cell, minlength=2 * len(visits))
     told = way is not None and len(visits) >= _FEW
     if counts.min() < (1 if told else 2):
@@ -366,10 +363,7 @@ def _wide_nodes(draft: "TableDraft") -> Iterator[Remark]:
     positions, left = readings.positions[keep].round(6), np.asarray(fit.residual)[keep]
     branch = draft.plan.branch(readings.direction)
     columns = [positions] if branch is None else [positions, branch[keep, None]]
-    _, cell, counts = np.unique(
-        np.hstack(columns), axis=0, return_inverse=True, return_counts=True
-    )
-    cell = cell.reshape(-1)
+    cell, counts = _places_in(np.hstack(columns))
     # Nodes that take up each place can miss none of them.
     if len(counts) <= np.sum(fit.support > 0) or len(left) < 2 * len(counts):
         return

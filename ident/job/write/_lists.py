@@ -14,7 +14,7 @@ from ...exchange import (
     to_add,
     with_tables,
 )
-from ...kinds import kinds
+from ...kinds import kind
 from ...proof import GateCheck
 from .._draft import AbstractDraft
 from .._gating import fit_checks, gate_remarks
@@ -96,10 +96,7 @@ class AxisFiles:
         if before.machine is None and machine is not None:
             # What the axis list itself says nobody knows: all that the compensation list
             # holds is taken to act.
-            active = [
-                one.name for one in kinds() if machine.get(one.activation) is not None
-            ]
-            tables = [name for name in before.used if name not in active]
+            tables = [k for k in before.used if machine.get(kind(k).activation) is None]
             machine = machine.merge(entries_of_activation(tables))
         machine = machine or before.machine
         drafts = [draft for draft in self.drafts if draft.written]
@@ -191,9 +188,14 @@ def _axis_files(
     if entries:
         listing, notes = _listing(job, drafts, entries)
         remarks = [*notes, *remarks]
-    if machine_entries:
-        machine, notes = _machine_list(lists, machine_entries, axis)
-        remarks += notes
+    if machine_entries and lists.machine is None:
+        machine = to_add(lists.axis, machine_entries, of=axis)
+    elif machine_entries and (existing := lists.machine) is not None:
+        machine = existing.merge(machine_entries)
+        machine = dataclasses.replace(machine, source=axis_file(lists.axis))
+        if added := [entry for entry in machine_entries if existing.get(entry) is None]:
+            words = f"Added to {existing.source}: {', '.join(added)}."
+            remarks.append(Remark.info(words))
     pairs = (lists.compensation, listing), (lists.machine, machine)
     both = [(old, new) for old, new in pairs if old is not None and new is not None]
     diffs = {new.source: compare(old, new) for old, new in both}
@@ -249,19 +251,6 @@ def _listing(
         words = f"{len(edited.removed)} table entries beyond the new table."
         remarks.append(Remark.info(f"Removed from {existing.source}: {words}"))
     return listing, remarks
-
-
-def _machine_list(
-    lists: AxisLists, values: Mapping[str, Value], axis: str
-) -> tuple[ListFile, list[Remark]]:
-    """Return the axis list, edited, or just the entries to add to it, and what was added."""
-    number, existing = lists.axis, lists.machine
-    if existing is None:
-        return to_add(number, values, of=axis), []
-    edited = dataclasses.replace(existing.merge(values), source=axis_file(number))
-    added = [entry for entry in values if existing.get(entry) is None]
-    words = f"Added to {existing.source}: {', '.join(added)}."
-    return edited, [Remark.info(words)] if added else []
 
 
 def startup_fragment(files: Sequence[AxisFiles]) -> ListFile | None:

@@ -181,9 +181,6 @@ class OutFolder:
             names: Of all files that a run may write there.
             contents: Of those that this run writes.
             failed: The gate has stopped them.
-
-        Returns:
-            Names of what was written.
         """
         for name in [*contents, *sorted(set(names) - set(contents))]:
             if failed or name not in contents:
@@ -204,11 +201,7 @@ class OutFolder:
     def keep(self, name: str, content: bytes | None = None) -> None:
         """Copy a file into ``kept/`` that is not as a run of the job left it.
 
-        It may be written over then.
-
-        Args:
-            name: Of the file.
-            content: What will be written there.
+        It may be written over then, and is not kept where it has the content already.
 
         Raises:
             OutputError: If it cannot be copied.
