@@ -60,18 +60,17 @@ def _from_elsewhere(job: Job, fit: FitSpec) -> Iterator[Fault]:
     """Yield what moves the axis of a fit from the list of another axis."""
     number = job.spec.axes[fit.axis].number
     for name, lists in job.lists.items():
-        entries = list[InUse]()
+        foreign = list[InUse]()
         with contextlib.suppress(ExchangeError):  # the checks of the lists say it
-            entries += lists.in_use
-        for held in entries:
-            if held.axis == number and name != fit.axis:
-                yield (
-                    ("axes", name, "list"),
-                    f"found a {held.name} in {held.listing.source} that moves {fit.axis} by the"
-                    f" conventions of this machine: a job judges {fit.axis} by its own lists, so"
-                    " that both would correct the same error unseen; expected it in the list of"
-                    f" {fit.axis}, or left out, and measured without it",
-                )
+            foreign += (held for held in lists.in_use if held.axis == number)
+        for held in foreign if name != fit.axis else ():
+            yield (
+                ("axes", name, "list"),
+                f"found a {held.name} in {held.listing.source} that moves {fit.axis} by the"
+                f" conventions of this machine: a job judges {fit.axis} by its own lists, so"
+                " that both would correct the same error unseen; expected it in the list of"
+                f" {fit.axis}, or left out, and measured without it",
+            )
 
 
 def hand_on(
@@ -97,14 +96,15 @@ def hand_on(
         for source in fit.sources:
             shared = source in draft.fit.sources
             if shared or (coupled and name not in job.spec.measurements[source].active):
-                words = f"the {name} of an earlier fit of this job"
-                beside = Acting(
-                    job, draft.axis, name, _lists_of_single(draft), words, shared
+                words, loaded = (
+                    f"the {name} of an earlier fit of this job",
+                    _alone(draft),
                 )
+                beside = Acting(job, draft.axis, name, loaded, words, shared)
                 left.setdefault((index, source), []).append(beside)
 
 
-def _lists_of_single(draft: AbstractDraft) -> AxisLists:
+def _alone(draft: AbstractDraft) -> AxisLists:
     """Return what one fit adds, as if it were all that acts on its axis."""
     job, number = draft.job, draft.lists.axis
     with job.blaming(("fits", draft.index)):
@@ -140,9 +140,8 @@ class Acting:
         before = self.job.lists[self.axis]
         added = added_beyond(self.loaded, before, acted, motion)
         if self.name not in added:
-            missing, named = absent(
-                self.job, self.loaded.inputs(self.name), motion.positions
-            )
+            inputs = self.loaded.inputs(self.name)
+            missing, named = absent(self.job, inputs, motion.positions)
             raise self.job.error(
                 (),
                 f"{self.words} will act on {self.axis} as well and was off while"

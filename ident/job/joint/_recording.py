@@ -171,8 +171,7 @@ def read_group(
         run = cycles_of(run, signs[0].astype(np.int64))
     several = run is not None and len(np.unique(run)) > 1
     for axis, values in columns["error"].items():
-        unit = tables.job.spec.axes[axis].small_unit
-        remarks += _unmoved(axis, values, unit)
+        remarks += _unmoved(axis, values, tables.job.spec.axes[axis].small_unit)
     time = joined([part.time for part in parts])
     slices = rows_of(lead.sources, counts)
     remarks += _grown(tables.job, members, columns, slices)
@@ -192,12 +191,11 @@ def read_group(
     if len(counts) > 1 and any(spec.remove != "none" for spec in specs):
         beside = np.repeat(np.arange(1, len(counts) + 1), counts)
     if several and heated and beside is None:
-        remarks.append(
-            Remark.info(
-                f"Runs have no offset of their own on {' and '.join(heated)}: it could"
-                " not be told from what the temperature does from run to run."
-            )
+        words = (
+            f"Runs have no offset of their own on {' and '.join(heated)}: it could"
+            " not be told from what the temperature does from run to run."
         )
+        remarks.append(Remark.info(words))
     apart = time is not None and not followed(time, slices)
     data = JointData(
         **columns,
@@ -246,14 +244,13 @@ def _grown(
     if not alike or any(spec.remove == "line" for spec in specs):
         return
     for axis in _unique((m.axis,) for m in members if m.fit.lengths):
-        own = [member for member in members if member.axis == axis]
-        sensed = _used(own, "temperature")
+        sensed = _used([m for m in members if m.axis == axis], "temperature")
         linear = job.spec.axes[axis].unit == "mm" and axis in columns["position"]
         if sensed or not linear:
             continue
         place, error = columns["position"][axis], columns["error"][axis]
-        words = longer_than({k: (place[at], error[at]) for k, at in slices.items()})
-        if words:
+        parts = {name: (place[at], error[at]) for name, at in slices.items()}
+        if words := longer_than(parts):
             yield Remark.warning(f"{words}. What is written holds a mean of them.")
 
 
@@ -364,20 +361,17 @@ def _columns(
     sensors = _used(members, "temperature")
     if sensors:
         rows.refuse_restart()
-    velocity = {axis: rows.motion(axis, "velocity") for axis in driven}
-    for axis in rows.moving:
-        if f"{axis}.velocity" in rows.measured.values:
-            velocity[axis] = rows.motion(axis, "velocity")
+    shown = [axis for axis in rows.moving if f"{axis}.velocity" in rows.measured.values]
+    warm = {
+        sensor: _without_glitches(rows.temperature(sensor, why)) for sensor in sensors
+    }
     return JointData(
         position=position,
         error=error,
         direction=direction,
-        velocity=velocity,
+        velocity={axis: rows.motion(axis, "velocity") for axis in (*driven, *shown)},
         acceleration={axis: rows.motion(axis, "acceleration") for axis in driven},
-        temperature={
-            sensor: _without_glitches(rows.temperature(sensor, why))
-            for sensor in sensors
-        },
+        temperature=warm,
         time=rows.time,
         run=rows.run,
     )

@@ -109,31 +109,24 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
     remarks += two_places(plan, readings)
     readings, owner = with_one_zero(plan, readings)
     remarks += limit_remarks(plan, readings.positions)
-    run = readings.run
+    run, branch = readings.run, plan.branch(readings.direction)
     nodes = tuple(line.positions for line in table.nodes)
-    # Whether the runs go over the same places, so that others can judge each.
     signs = readings.direction if table.branches == 2 else None
-    repeated = run is not None and runs_overlap(readings.positions, run, nodes, signs)
-    if run is not None and not repeated and owner is None and len(np.unique(run)) > 1:
-        words = (
-            "The runs do not go over the same places, so that none can be judged by the"
-            " others: offsets of single runs are not estimated."
-        )
-        remarks.append(Remark.info(words))
-    if owner is None and not repeated:
+    if run is not None and not runs_overlap(readings.positions, run, nodes, signs):
+        if owner is None and len(np.unique(run)) > 1:
+            words = (
+                "The runs do not go over the same places, so that none can be judged by the"
+                " others: offsets of single runs are not estimated."
+            )
+            remarks.append(Remark.info(words))
+        run = None
+    if owner is None and run is None:
         remarks += zeros_apart(plan, readings)
-    branch = plan.branch(readings.direction)
-    samples = Samples(
-        positions=readings.positions,
-        error=readings.error,
-        branch=branch,
-        run=run if repeated else owner,
-        order=place_in_run(run, readings.order)
-        if run is not None and repeated
-        else None,
-    )
+    samples = Samples(readings.positions, readings.error, branch, run=owner)
     effects: RunEffects = "none" if owner is None else "offset"
-    if run is not None and repeated:
+    if run is not None:
+        order = place_in_run(run, readings.order)
+        samples = dataclasses.replace(samples, run=run, order=order)
         shortest = np.unique(run, return_counts=True)[1].min()
         effects = "drift" if shortest >= _DRIFT_NEEDS else "offset"
     fewest = len(samples.error)  # readings of a direction
@@ -162,11 +155,11 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
         fit = fit_to(samples) if apart else fit
     when = np.argsort(readings.order, kind="stable")
     left, wild = np.asarray(fit.residual)[when], np.asarray(fit.wild)[when]
-    of_nodes = NodePasses.of(plan, samples.take(when), left, wild)
-    alike = list[Remark]()
     if np.isfinite(left[~wild]).sum() >= LOG:
-        fit, alike = as_passes_differ(plan, of_nodes, samples, fit)
-    remarks += [*alike, *one_way(plan, readings, fit)]
+        passes = NodePasses.of(plan, samples.take(when), left, wild)
+        fit, alike = as_passes_differ(plan, passes, samples, fit)
+        remarks += alike
+    remarks += one_way(plan, readings, fit)
     if finer:
         words = "There are more nodes than readings: the prior fills in between."
         words += better_nodes(plan, readings)
@@ -175,23 +168,23 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
         free, fit = fit, inequalities.keep(fit, samples)
         remarks.append(_constrained(plan, fit.values - free.values))
     zero, estimate = plan.zeroed(fit)
-    if not repeated:  # zeros of measurements that were taken off are no effects of runs
+    if run is None:  # zeros of measurements that were taken off are no effects of runs
         effects = "none"
         estimate = dataclasses.replace(estimate, runs=(), suspect_runs=())
     before = readings.error - zero
     acted = plan.acted(readings.positions, branch)
     estimate = _doubted(plan, readings, samples, estimate)
-    if run is not None and repeated:
+    groups, along = None, readings.positions
+    if run is not None:
         groups = groups_of_runs(run)
-    else:
-        passes, along = None, readings.positions
-        if along.shape[1] == 1 and len(along) >= LOG:
-            passes = groups_of_passes(along[:, 0], readings.order)
-        groups = spatial_blocks(fit.layout, samples) if passes is None else passes
+    elif along.shape[1] == 1 and len(along) >= LOG:
+        groups = groups_of_passes(along[:, 0], readings.order)
+    if groups is None:
+        groups = spatial_blocks(fit.layout, samples)
     folds = leave_out(fit, samples, groups)
     heldout = held_out(
         table, samples, folds, groups, plan.integers, before, acted,
-        runs=estimate.runs, by_run=repeated,
+        runs=estimate.runs, by_run=run is not None,
     )  # fmt: skip
     readings = dataclasses.replace(readings, error=before)
     return TableDraft(
