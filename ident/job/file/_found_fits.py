@@ -44,18 +44,14 @@ def found_keys(
             for fit in discovery.found
             if fit.group is not None and name in _sources(observation, discovery, fit)
         }
-        pieces = [
-            drift.pieces
-            for drift in discovery.drifts
-            if drift.source == number and drift.axis in axes
-        ]
-        if pieces and "drift" not in stated:
-            keys["drift"] = max(pieces)
+        drifts = [d for d in discovery.drifts if d.source == number and d.axis in axes]
+        if drifts and "drift" not in stated:
+            keys["drift"] = max(drift.pieces for drift in drifts)
         if axes and "datum" in stated:
             keys["datum"] = None
-        if axes and "remove" not in stated:
-            if "datum" in stated or name in observation.unzeroed:
-                keys["remove"] = "offset"
+        unzeroed = "datum" in stated or name in observation.unzeroed
+        if axes and "remove" not in stated and unzeroed:
+            keys["remove"] = "offset"
         if keys:
             result[name] = keys
     return result
@@ -79,11 +75,8 @@ def _sources(
             finite = finite & np.isfinite(data.position[axis])
         for sensor in effect.sensors:
             finite = finite & np.isfinite(data.temperature[sensor])
-    return tuple(
-        name
-        for number, name in enumerate(observation.names)
-        if finite[data.source == number].any()
-    )
+    held = np.unique(data.source[finite])
+    return tuple(observation.names[number] for number in held.tolist())
 
 
 def _keys_of(
@@ -91,10 +84,8 @@ def _keys_of(
 ) -> dict[str, Any]:
     """Return the keys of a fit."""
     keys: dict[str, Any] = {"compensation": effect.compensation, "axis": effect.axis}
-    if len(sources) == 1:
-        keys["measurement"] = sources[0]
-    else:
-        keys["measurements"] = list(sources)
+    one = len(sources) == 1
+    keys |= {"measurement": sources[0]} if one else {"measurements": list(sources)}
     over = (effect.masters or (effect.axis,)) if kind(effect.compensation).table else ()
     nodes = nodes_for(job, observation, effect.axis, over, sources)
     keys |= dict(effect.keys) | nodes
@@ -126,7 +117,5 @@ def nodes_for(
         keys = {"start": low, "interval": (high - low) / 72.0, "points": 73}
         return keys | {"modulo": True} if along else keys
     # What a cross table does beyond its ends is not documented (S-12).
-    reach = None
-    if not along and spec.limits is not None:
-        reach = (spec.limits[0], spec.limits[1])
-    return grid_keys(places, reach)
+    limits = None if along else spec.limits
+    return grid_keys(places, None if limits is None else (limits[0], limits[1]))

@@ -233,13 +233,12 @@ def _refuse_other_kind(job: Job, name: str, key: str, listing: ListFile) -> None
         )
     kind = listing.kind
     empty = all(re.match(_COMMENT, line.strip()) for line in listing.lines)
-    if kind == expected or empty:
+    # The header of an axis list alone counts as that of a compensation list, and most of its
+    # entries are none that the manuals name.
+    tables = any(entry.key.startswith(_TABLES) for entry in listing.entries)
+    plain = expected == "axis" and kind != "startup" and listing.entries and not tables
+    if kind == expected or empty or plain:
         return
-    if expected == "axis" and listing.entries and kind != "startup":
-        # Its header alone counts as that of a compensation list, and most of its
-        # entries are none that the manuals name.
-        if not any(entry.key.startswith(_TABLES) for entry in listing.entries):
-            return
     words = f"a{'n' if kind == 'axis' else ''} {kind} list"
     if kind == "unknown":
         words = "none of the entries of such a list"

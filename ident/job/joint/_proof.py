@@ -242,19 +242,16 @@ def _remarks(
     yield from dict.fromkeys(group.recording.remarks)
     if not fit.converged:
         yield Remark.warning(fit.message)
-    names = {part.name for part in group.parts}
-    fine = {part.name for part in group.parts if not undetermined_values(part, fit)}
-    left_out = {
-        part.name
-        for part, member in zip(group.parts, group.members, strict=True)
-        if isinstance(drafts[member.index], LeftOutDraft)
-    }
+    members = dict(zip((part.name for part in group.parts), group.members, strict=True))
+    open_ = {part.name for part in group.parts if undetermined_values(part, fit)}
     for confusion in fit.confusions:
-        shared = names & set(confusion.effects)
-        if shared <= fine:
+        shared = [name for name in confusion.effects if name in members]
+        if not open_.intersection(shared):
             # Only values that hardly any reading reaches: the prior fills them.
             yield Remark.info(confusion.sentence)
-        elif not left_out & shared:
+        elif not any(
+            isinstance(drafts[members[name].index], LeftOutDraft) for name in shared
+        ):
             yield Remark.error(confusion.sentence)
     for axis, value in group.datum[1].items():
         if value:

@@ -134,17 +134,12 @@ def _full_turn(job: Job, index: int, fit: TableSpec, nodes: ListNodes) -> bool:
         f"found nodes from {ends[0]:g} to {ends[1]:g}, expected the modulo range of"
         f" {fit.over[0]} from {span[0]:g} to {span[1]:g}, both ends included"
     )
-    if not turns:
+    if not turns:  # else the axis jumps where a turn ends
         reason = (
-            f"found nodes from {ends[0]:g} to {ends[1]:g} for {fit.over[0]}, which goes"
-            f" round from {span[0]:g} to {span[1]:g}, expected its whole turn and modulo ="
-            " true; or nodes within that range, and the limits that keep the axis from"
-            f" turning on (axes.{fit.over[0]}.limits)"
-        )
-    if whole:
-        reason = (
-            f"found nodes over the whole turn of {fit.over[0]} and no modulo, expected"
-            " modulo = true (first = last): else the axis jumps where a turn ends"
+            f"found nodes from {ends[0]:g} to {ends[1]:g} for {fit.over[0]}, which goes round"
+            f" from {span[0]:g} to {span[1]:g}, and no modulo, expected its whole turn and modulo"
+            " = true (first = last); or nodes within that range, and the limits that keep the"
+            f" axis from turning on (axes.{fit.over[0]}.limits)"
         )
     raise job.error(("fits", index), reason)
 

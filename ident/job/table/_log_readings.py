@@ -148,16 +148,13 @@ class LogReadings:
         return source.file.parts(source.headers, _PARTS, _ROWS)
 
     def _pieces(self, source: LogSource, part: TablePart) -> Iterator[Samples]:
-        """Return the readings of a part of a log, piece by piece."""
-        return (self._samples(source, table) for table in part.tables())
-
-    def _samples(self, source: LogSource, table: Table) -> Samples:
-        """Return the readings of a piece."""
-        samples = self._rows(source, table)
-        if self._zero is None:
-            return samples
-        error = self._zero.off(samples.error, samples.positions)
-        return dataclasses.replace(samples, error=error)
+        """Yield the readings of a part of a log, piece by piece."""
+        for table in part.tables():
+            samples = self._rows(source, table)
+            if self._zero is not None:
+                error = self._zero.off(samples.error, samples.positions)
+                samples = dataclasses.replace(samples, error=error)
+            yield samples
 
     def _rows(self, source: LogSource, table: Table) -> Samples:
         """Return the readings of a piece, of which nothing is removed yet."""
@@ -235,42 +232,39 @@ def in_pieces(
     if sum(source.file.rows for source in sources) <= _SHORT:
         words = f"{readings.names} is so short that it was read at once."
         return None, (Remark.info(words),)
-    for reason, possible in _obstacles(readings, left):
-        if not possible or not (streamed or readings.cells > _HUGE):
-            return None, (readings.into_memory(reason),)
+    reasons = [*_obstacles(readings, left)]
+    if readings.has_runs and not (streamed or readings.cells > _HUGE):
+        reasons.append("each of its runs is then allowed an offset of its own")
+    if reasons:
+        return None, (readings.into_memory(reasons[0]),)
     return readings, ()
 
 
-def _obstacles(readings: LogReadings, left: Leftovers) -> Iterator[tuple[str, bool]]:
-    """Yield what stands in the way, the worst first, and whether it can be done all the same."""
+def _obstacles(readings: LogReadings, left: Leftovers) -> Iterator[str]:
+    """Yield why a log cannot be read in pieces."""
     plan, fit = readings.plan, readings.plan.fit
     for name in fit.sources:
         for beside in left.get((plan.index, name), ()):
-            yield f"{beside.words} acts beside it, and was off while measuring", False
+            yield f"{beside.words} acts beside it, and was off while measuring"
     for other in plan.job.spec.fits:
         if other is fit or other.axis != fit.axis:
             continue
         if set(other.sources) & set(fit.sources):
-            yield f"the {other.compensation} fit of {fit.axis} shares it", False
+            yield f"the {other.compensation} fit of {fit.axis} shares it"
     specs = [plan.job.spec.measurements[name] for name in fit.sources]
     if any(spec.zeroed for spec in specs) and len(specs) > 1:
-        words = (
+        yield (
             "only the table through all of them, in memory, tells the zero of each"
             " (remove, datum)"
         )
-        yield words, False
     for source in readings.sources:
         if f"{fit.axis}.error" not in source.roles and "time" in source.roles:
-            words = (
+            yield (
                 f"the error of {fit.axis} in {source.name!r} is not a column but rests on"
                 " what its instrument lags behind, which the whole log tells"
             )
-            yield words, False
         if plan.table.branches == 2 and f"{fit.axis}.direction" not in source.roles:
-            words = (
+            yield (
                 f"{source.name!r} has no column for '{fit.axis}.direction', so that the"
                 " whole log tells it"
             )
-            yield words, False
-    if readings.has_runs:
-        yield "each of its runs is then allowed an offset of its own", True

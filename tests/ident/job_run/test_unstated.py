@@ -152,7 +152,7 @@ def test_a_table_over_a_whole_turn_closes_or_is_refused(tmp_path: Path) -> None:
     error = 4e-3 * np.sin(np.deg2rad(turn))
     path = job(tmp_path, shown(0, 0), axis="C", interval=10.0, points=37)
     table(tmp_path / "m.csv", "C.position [deg],C.error [deg]", turn, error)
-    match = r"over the whole turn of C and no modulo, expected modulo = true"
+    match = r"for C, which .* no modulo, expected its whole turn and modulo = true"
     with pytest.raises(JobError, match=match):
         run_job(path, tmp_path / "out")
     assert not list((tmp_path / "out").glob("*"))
