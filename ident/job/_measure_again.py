@@ -49,6 +49,10 @@ _FACTORS = {
     },
 }
 """What a list is, by how many times it acts, and the sign with which it does."""
+_HIDDEN = (
+    "cannot tell: the list that acted before has the same shape, so that nothing says which of"
+    " both acts, and how often: measure with the compensation off, and again with it on"
+)
 _NEAR = 0.1
 """Share by which a list that is turned round may act otherwise than it says."""
 
@@ -194,19 +198,17 @@ def measure_again(
             except AxcompError as error:
                 remarks.append(Remark.warning(f"Not measured again: {error}"))
         found.append(readings)
+    pairs = zip(drafts, found, strict=True)
+    adding = [draft.axis for draft, one in pairs if one and one.adds.size]
     for draft, readings, figures in zip(drafts, found, figures_of, strict=True):
-        if readings and draft.foreseen is not None and "predicted" in figures:
-            unit, best = job.spec.axes[draft.axis].small_unit, figures["predicted"]
-            foreseen = draft.foreseen.before, best.sound.rms
-            pairs = zip(drafts, found, strict=True)
-            axes = [
-                d.axis for d, one in pairs if d is not draft and one and one.adds.size
-            ]
-            readings.check_scatter(*foreseen, unit, alone=draft.axis not in axes)
+        if readings and draft.foreseen is not None:
+            before, best = draft.foreseen.before, figures["predicted"].sound.rms
+            unit = job.spec.axes[draft.axis].small_unit
+            alone = adding.count(draft.axis) == int(readings.adds.size > 0)
+            readings.check_scatter(before, best, unit, alone=alone)
     left = {
         fit.axis: figures["predicted"].sound.rms
         for fit, figures in zip(result.fits, figures_of, strict=True)
-        if "predicted" in figures
     }
     found = _with_factors(result.fits, found, left, diagnoses)
     fits = []
@@ -215,13 +217,14 @@ def measure_again(
         again = None
         if readings is not None or diagnosis is not None:
             before, predicted = (figures[k].sound.rms for k in ("before", "predicted"))
-            if readings is not None and readings.before is not None:
-                before = before if fit.group is not None else readings.before
+            if readings and readings.before is not None and fit.group is None:
+                before = readings.before
             diagnosis = _turned(fit, diagnosis, readings)
-            if diagnosis is None and readings is not None and readings.hidden:
-                found_rms = readings.figures.sound.rms
-                diagnosis = _hidden(fit) if found_rms > LESS * predicted else None
             again = MeasuredAgain(second.source, readings, diagnosis, before, predicted)
+            if diagnosis is None and again.is_hidden:
+                identity = fit.axis_number, fit.compensation
+                hidden = Diagnosis(*identity, "cannot tell", sentence=_HIDDEN)
+                again = dataclasses.replace(again, diagnosis=hidden)
         beginning = f"{fit.axis} {fit.compensation}: not judged: "
         own = [one for one in remarks if one.message.startswith(beginning)]
         told = by_level((*fit.remarks, *own)) if own else fit.remarks
@@ -362,15 +365,6 @@ def _turned(
         f"cannot tell: what it does is {value:.2g} ± {deviation:.1g} times what it says"
     )
     return diagnosis and dataclasses.replace(diagnosis, sentence=words)
-
-
-def _hidden(fit: AbstractResult) -> Diagnosis:
-    """Return that nothing tells a list from the one before, which has its shape."""
-    words = (
-        "cannot tell: the list that acted before has the same shape, so that nothing says which of"
-        " both acts, and how often: measure with the compensation off, and again with it on"
-    )
-    return Diagnosis(fit.axis_number, fit.compensation, "cannot tell", sentence=words)
 
 
 def _finished(

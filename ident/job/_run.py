@@ -113,7 +113,8 @@ def run_job(
             remarks=(*remarks, *notes, *outdated, *_unused(job)),
             digests=dict(folder.digests),
             wall_time=0.0,
-            job=job.spec.resolved() | {"gate": dict(job.spec.gate)},
+            job=job.spec.model_dump(mode="json", by_alias=True, exclude_none=True)
+            | {"gate": dict(job.spec.gate)},
             conventions=job.conventions.to_dict(),
             clocks=tables.clocks,
             groups=tuple(sums),

@@ -307,7 +307,9 @@ class _Axis:
                 added |= dict.fromkeys(laws, np.zeros(motion.rows))
             lacking = [n for n in names if n not in added and not kind(n).unseen]
             # Over axes that stood still it adds a constant, which nobody knows.
-            still = [n for n in lacking if self._is_still(loaded.inputs(n), motion)]
+            over = {n: loaded.inputs(n) or [self.files.number] for n in lacking}
+            moved = {k for k, place in motion.positions.items() if np.ptp(place) > 0}
+            still = [name for name in lacking if moved.isdisjoint(over[name])]
             own_zero = not spec.zeroed
             # One that was off would add it to a zero that holds it already.
             unknown = {n for n in still if n not in spec.active} if own_zero else set()
@@ -317,8 +319,8 @@ class _Axis:
                 continue
             if measured.line:  # nobody knows the slope that the axis has then
                 axes = self.job.spec.axes
-                over = [measured.positions[axes[k].number] for k in draft.fit.over]
-                added = {k: without_zero(v, over, "line") for k, v in added.items()}
+                along = [measured.positions[axes[k].number] for k in draft.fit.over]
+                added = {k: without_zero(v, along, "line") for k, v in added.items()}
             about_zero = own_zero and not still
             group, members = draft.fit.group, [draft]
             if group is not None:
@@ -331,12 +333,6 @@ class _Axis:
             fitted = own, measured.error, added, predicted
             together.append(judge_together(source, *fitted, about_zero))
         return together
-
-    def _is_still(self, inputs: Collection[int], motion: Motion) -> bool:
-        """Return whether no axis moves in a measurement that a compensation looks at."""
-        places = motion.positions
-        places_of = [places[k] for k in inputs or [self.files.number] if k in places]
-        return not any(np.ptp(place) > 0 for place in places_of)
 
     def _lacking(
         self, loaded: AxisLists, names: Collection[str], motion: Motion, source: str

@@ -4,7 +4,7 @@ import contextlib
 import datetime
 import functools
 import operator
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -371,7 +371,3 @@ class JobFile(JobPart, frozen=True):
     def grouped(self) -> frozenset[int]:
         """The fits that are identified together with others."""
         return frozenset(k for group in self.groups.values() for k in group)
-
-    def resolved(self) -> dict[str, Any]:
-        """Return the job with its defaults filled in, for the record."""
-        return self.model_dump(mode="json", by_alias=True, exclude_none=True)

@@ -252,14 +252,6 @@ class SecondMeasurement:
         wild = wild_readings(self.error) if self.wild is None else self.wild
         return np.asarray(~wild | (wild.mean() > MOST_WILD))
 
-    @property
-    def hidden(self) -> bool:
-        """Whether the list that acted before has the shape of the new one, which contains it."""
-        if not self.acted.any() or self.adds.shape != self.acted.shape:
-            return False
-        new, old = self.adds + self.acted, self.acted
-        return bool(abs(np.corrcoef(new, old)[0, 1]) > _SAME_SHAPE)
-
     def check_scatter(
         self,
         first: Float[np.ndarray, " s"],
@@ -381,6 +373,20 @@ class MeasuredAgain:
     def rms(self) -> float | None:
         """Error with the list active, rms without wild readings; None: not measured."""
         return None if self.readings is None else self.readings.figures.sound.rms
+
+    @property
+    def is_hidden(self) -> bool:
+        """Whether more is left and the list that acted before has the shape of the new one."""
+        readings = self.readings
+        if readings is None or readings.adds.shape != readings.acted.shape:
+            return False
+        if (
+            not readings.acted.any()
+            or readings.figures.sound.rms <= LESS * self.predicted
+        ):
+            return False
+        new = readings.adds + readings.acted
+        return bool(abs(np.corrcoef(new, readings.acted)[0, 1]) > _SAME_SHAPE)
 
     @property
     def trend(self) -> LeftTrend | None:

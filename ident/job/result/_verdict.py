@@ -156,9 +156,9 @@ def _fault_measured(fit: "AbstractResult") -> Reason | None:
 
 def _doubts(fit: "AbstractResult") -> list[Reason]:
     """Return what figures leave open, the predicted ones and those measured again."""
-    before, predicted = fit.error.get("before"), fit.error.get("predicted")
+    before, predicted = fit.error["before"].sound, fit.error["predicted"].sound
     again = fit.again
-    if before and predicted and predicted.sound.rms >= NO_GAIN * before.sound.rms:
+    if predicted.rms >= NO_GAIN * before.rms:
         return [Reason(Code.NO_GAIN)]
     if again is None:
         return []

@@ -133,7 +133,7 @@ def one_way(plan: Plan, readings: Readings, fit: TableFit) -> list[Remark]:
     speed = np.divide(moved, steps, out=np.zeros(len(steps)), where=steps > 0.0)
     fast = np.abs(speed) > 0.1 * np.percentile(np.abs(speed), 90)
     nodes = table.nodes[most].positions
-    if not fast.any() or len(nodes) < 2:
+    if not fast.any():
         return []
     usual = float(np.median(np.abs(speed[fast])))
     # Not the jump from the end of a pass to the beginning of the next.
