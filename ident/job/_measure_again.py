@@ -159,12 +159,7 @@ def measure_again(
     result: JobResult,
     root: Path,
 ) -> JobResult:
-    """Return a result with what the second measurement says, and save what it settles.
-
-    Raises:
-        AxcompError: If the measurement cannot be used.
-        OSError: If a file cannot be read.
-    """
+    """Return a result with what the second measurement says, and save what it settles."""
     diagnoses, remarks, outside = _diagnoses(job, second, result.fits, root)
     tables = Tables(second.job)
     measured = errors_in(tables)
@@ -202,10 +197,10 @@ def measure_again(
     adding = [draft.axis for draft, one in pairs if one and one.adds.size]
     for draft, readings, figures in zip(drafts, found, figures_of, strict=True):
         if readings and draft.foreseen is not None:
-            before, best = draft.foreseen.before, figures["predicted"].sound.rms
+            first, best = draft.foreseen.before, figures["predicted"].sound.rms
             unit = job.spec.axes[draft.axis].small_unit
             alone = adding.count(draft.axis) == int(readings.adds.size > 0)
-            readings.check_scatter(before, best, unit, alone=alone)
+            readings.check_scatter(first, best, unit, alone=alone)
     left = {
         fit.axis: figures["predicted"].sound.rms
         for fit, figures in zip(result.fits, figures_of, strict=True)

@@ -97,12 +97,7 @@ def fit_planned(plan: Plan, tables: Tables, left: Leftovers) -> AbstractDraft:
 
 
 def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> TableDraft:
-    """Fit the table of a plan to its readings.
-
-    Raises:
-        FitError: If the readings cannot determine it.
-        ExchangeError: If the result fits no list.
-    """
+    """Fit the table of a plan to its readings."""
     table, spec, remarks = plan.table, plan.fit, [*remarks]
     refuse_small_part(plan, readings)
     refuse_other_stretches(plan, readings)

@@ -119,11 +119,6 @@ def fit_log(readings: LogReadings) -> TableDraft | None:
     """Fit the table of a plan to a log.
 
     None where readings of both ways lie apart, which is taken off in memory only.
-
-    Raises:
-        FitError: If the readings cannot determine it.
-        ExchangeError: If the result fits no list.
-        MeasurementError: If a cell of the log cannot be used.
     """
     plan = readings.plan
     spec, table = plan.fit, plan.table

@@ -53,11 +53,7 @@ class LogSource:
 
     @cached_property
     def headers(self) -> tuple[str, ...]:
-        """The columns that are used, as the file names them.
-
-        Raises:
-            ColumnError: If one does not exist.
-        """
+        """The columns that are used, as the file names them."""
         head = self.file.head
         columns = [head.column(column.column) for column in self.columns.values()]
         return tuple(dict.fromkeys(column.header or column.name for column in columns))

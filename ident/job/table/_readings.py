@@ -35,10 +35,6 @@ def read_fit(
 
     The fit takes what is left of them by earlier fits of this axis, and by what will act on
     it as well and was off while measuring.
-
-    Raises:
-        MeasurementError: If a role is missing or a value cannot be used.
-        JobError: If the measurement does not suit the fit.
     """
     recording, axis = read_group(tables, [plan], alone=True), plan.axis
     error, remarks = recording.data.error[axis].copy(), [*recording.remarks]

@@ -146,11 +146,7 @@ def read_back(listing: ListFile | None) -> ListFile | None:
 
 
 def files_of(job: Job, drafts: Sequence[AbstractDraft]) -> tuple[AxisFiles, ...]:
-    """Return what is written for each axis.
-
-    Raises:
-        JobError: If a table does not fit into a list of the controller's build.
-    """
+    """Return what is written for each axis."""
     axes = dict.fromkeys(draft.axis for draft in drafts)
     return tuple(
         _axis_files(job, tuple(draft for draft in drafts if draft.axis == axis))
