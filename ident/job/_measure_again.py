@@ -319,14 +319,17 @@ def _with_factors(
                 rest = error - columns @ fitted.coefficients
                 if np.std(rest) > LESS * predicted[axis]:
                     continue
-                numbers = np.stack([fitted.coefficients, fitted.standard_deviation], 1)
-                pairs = [(float(value), float(spread)) for value, spread in numbers]
+                values = (
+                    fitted.coefficients.tolist(),
+                    fitted.standard_deviation.tolist(),
+                )
+                pairs = [*zip(*values, strict=True)]
                 still = dict(zip(acted, pairs[1 + len(own) :], strict=False))
-                for n, (k, one) in enumerate(own.items(), start=1):
-                    factor = 1.0 + pairs[n][0], pairs[n][1]
-                    result[k] = dataclasses.replace(
-                        one, factor=factor, still=still.get(k)
-                    )
+                for (k, one), (more, spread) in zip(
+                    own.items(), pairs[1:], strict=False
+                ):
+                    new = dataclasses.replace(one, factor=(1.0 + more, spread))
+                    result[k] = dataclasses.replace(new, still=still.get(k))
                 break
     return result
 

@@ -109,10 +109,8 @@ def run_job(
             fits=tuple(results),
             inputs=job.hashes(),
             versions=_versions(),
-            load_sheet=(),
             remarks=(*remarks, *notes, *outdated, *_unused(job)),
             digests=dict(folder.digests),
-            wall_time=0.0,
             job=job.spec.model_dump(mode="json", by_alias=True, exclude_none=True)
             | {"gate": dict(job.spec.gate)},
             conventions=job.conventions.to_dict(),

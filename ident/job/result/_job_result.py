@@ -108,10 +108,10 @@ class JobResult:
     fits: tuple[AbstractResult, ...]
     inputs: Mapping[str, str]
     versions: Mapping[str, str]
-    load_sheet: tuple[LoadStep, ...]
     remarks: tuple[Remark, ...]
-    wall_time: float
     job: Mapping[str, Any]
+    load_sheet: tuple[LoadStep, ...] = ()
+    wall_time: float = 0.0
     clocks: tuple[ClockState, ...] = ()
     groups: tuple["GroupResult", ...] = ()
     second: Mapping[str, Any] | None = None

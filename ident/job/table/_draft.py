@@ -350,16 +350,13 @@ class TableDraft(AbstractDraft):
         # What was read neither time, nobody has verified either.
         whole = np.vstack([first.positions, np.column_stack(ends)])
         part = part_of(over, first.positions if turn else whole, second.positions, turn)
-        ways = (1, -1) if self._bilateral and not part else ()
-        for way in ways:
+        for way, sign in ((1, "+"), (-1, "−")) if self._bilateral else ():
             assert first.direction is not None  # a table for each needs it
             assert second.direction is not None
             before, after = first.direction == way, second.direction == way
             if not part and before.any() and after.any():
+                named = [f"{name} in {sign} direction" for name in over]
                 old, new = first.positions[before], second.positions[after]
-                named = [
-                    f"{name} in {'+' if way > 0 else '−'} direction" for name in over
-                ]
                 part = part_of(named, old, new, turn)
         return part
 
