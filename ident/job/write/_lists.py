@@ -184,9 +184,10 @@ def _axis_files(
     if entries:
         listing, notes = _listing(job, drafts, entries)
         remarks = [*notes, *remarks]
-    if machine_entries and lists.machine is None:
+    existing = lists.machine
+    if machine_entries and existing is None:
         machine = to_add(lists.axis, machine_entries, of=axis)
-    elif machine_entries and (existing := lists.machine) is not None:
+    elif machine_entries and existing is not None:
         machine = existing.merge(machine_entries)
         machine = dataclasses.replace(machine, source=axis_file(lists.axis))
         if added := [entry for entry in machine_entries if existing.get(entry) is None]:

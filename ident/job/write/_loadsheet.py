@@ -38,10 +38,8 @@ def _line(job: Job, draft: AbstractDraft, result: AbstractResult) -> dict[str, A
     kind, word, judged = draft.kind, job.spec.nc_word(draft.axis), result.judgement
     open_ = [reason for reason in judged.reasons if reason.code is Code.ASSUMED]
     assumed = open_[0].fields["conventions"] if open_ else ()
-    expected, seen = (
-        result.expectation if open_ else None,
-        dict[str, Any](expected=None),
-    )
+    expected = result.expectation if open_ else None
+    seen: dict[str, Any] = {"expected": None}
     if expected is not None and (kind.adds_current or abs(expected.value) >= _DIAL):
         places = {job.spec.nc_word(name): at for name, at in expected.places.items()}
         unit, factor = expected.unit, 1.0
