@@ -59,10 +59,9 @@ def edited_job(
         behind = list[tuple[Any, Any]]()
         body = table.value.body if isinstance(table, Table) else ()
         while body and (body[-1][0] is None or isinstance(body[-1][1], Table)):
-            key, item = body[-1]
-            behind.append((key, item))
-            if key is not None:
-                table.remove(key)  # leaves an empty place
+            behind.append(body[-1])
+            if body[-1][0] is not None:
+                table.remove(body[-1][0])  # leaves an empty place
             body.pop()
         for key, value in keys.items():
             behind = [(k, item) for k, item in behind if k is None or k.key != key]
@@ -72,8 +71,8 @@ def edited_job(
                 del table[key]
         if behind:
             table.value.parsing(True)  # as they were written: without new empty lines
-        for key, item in reversed(behind):
-            table.raw_append(key, item)
+        for place, item in reversed(behind):
+            table.raw_append(place, item)
     kept = tomlkit.dumps(document).rstrip()
     written = job_text({"fits": list(fits)})
     return "\n\n".join([kept, *filter(None, [remark]), f"{written}\n"])

@@ -96,11 +96,8 @@ def hand_on(
         for source in fit.sources:
             shared = source in draft.fit.sources
             if shared or (coupled and name not in job.spec.measurements[source].active):
-                words, loaded = (
-                    f"the {name} of an earlier fit of this job",
-                    _alone(draft),
-                )
-                beside = Acting(job, draft.axis, name, loaded, words, shared)
+                words = f"the {name} of an earlier fit of this job"
+                beside = Acting(job, draft.axis, name, _alone(draft), words, shared)
                 left.setdefault((index, source), []).append(beside)
 
 

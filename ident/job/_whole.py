@@ -435,10 +435,8 @@ def _with_partner(
         if lacking:
             where = f"{partner} has no {' and no '.join(lacking)} like that of {axis}"
             advice = f"{fit_both}, or give its list ([axes.{partner}] list = …) if it has one."
-            held, unused = (
-                theirs.compensation,
-                [n for n in lacking if n not in theirs.used],
-            )
+            held = theirs.compensation
+            unused = [name for name in lacking if name not in theirs.used]
             off = [
                 n for n in unused if held is not None and kind(n).entries.is_in(held)
             ]

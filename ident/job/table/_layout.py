@@ -64,10 +64,8 @@ def _nodes(
     source = fit.sources[0]
     # No mesh is that large.
     if len(fit.over) == 2 and tables.large(source) is None:
-        read, columns = (
-            tables.table(source),
-            tables.job.spec.measurements[source].columns,
-        )
+        read = tables.table(source)
+        columns = tables.job.spec.measurements[source].columns
         if read.format in MESH_FORMATS and not columns:
             return tuple(_mesh_nodes(read.column(axis).values, name) for axis in "xy")
     reason = f"no nodes, expected {fit.nodes_wanted}{_suited_nodes(tables, fit)}"

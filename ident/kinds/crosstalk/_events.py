@@ -578,11 +578,8 @@ def from_place(
     The slope is that of the readings in which the master does not accelerate, beside a drift;
     0 where it is no large part of what changes there.
     """
-    place, time, error = (
-        gone_by(data, form),
-        data.clock_for(form.name),
-        data.error[form.axis],
-    )
+    place, error = gone_by(data, form), data.error[form.axis]
+    time = data.clock_for(form.name)
     rest = (_shares_of(data, form)[1] < 0) & np.isfinite(error)
     nothing = 0.0, np.zeros(len(events))
     if rest.sum() < _ROWS * len(events):

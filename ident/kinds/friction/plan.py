@@ -248,11 +248,8 @@ class FrictionDraft(AbstractDraft):
 
     def _unsaid(self, curve: LawCurve, knots: Knots) -> Iterator[Remark]:
         """Return what the list cannot say of the law."""
-        samples, unit, level = (
-            self.view.samples,
-            self.view.recording.unit,
-            self.view.level,
-        )
+        samples, level = self.view.samples, self.view.level
+        unit = self.view.recording.unit
         share, per, small = curve.difference, samples.unit, small_unit(samples.unit)
         if share > 0.02:
             yield Remark.warning(
