@@ -140,7 +140,8 @@ class CrosstalkPlan(AbstractPlan):
         if self.acting is not None:
             active = np.asarray(self.acting.surface.points, dtype=float)
             points = active if points is None else points
-            if not are_among(active, points).all():
+            alike = points.shape[1] == active.shape[1]
+            if not (alike and are_among(active, points).all()):
                 msg = (
                     "positions: found others than the tests of the list that was active while"
                     " measuring, expected those and, if you like, more."
