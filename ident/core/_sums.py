@@ -191,35 +191,11 @@ def sums_of(
         FitError: If readings are not finite.
     """
     axes = loop_axes(stack, readings)
-    if axes is None or design is not None:
-        matrix = stack.matrix(readings) if design is None else design
-        return _by_matrix(stack, readings, theta, loss, former, matrix)
-    residual = np.empty(len(readings))
-    step = -(-len(readings) // min(os.cpu_count() or 1, len(readings) // MANY))
-    pieces = [slice(k, k + step) for k in range(0, len(readings), step)]
-
-    def summed(rows: slice) -> Sums:
-        piece = readings.take(rows)
-        return _by_loop(stack, piece, theta, loss, former is None, axes, residual[rows])
-
-    # The loop lets go of the interpreter.
-    with ThreadPoolExecutor(len(pieces)) as pool:
-        sums = functools.reduce(operator.add, pool.map(summed, pieces))
-    if not np.isfinite(residual).all():
-        msg = "readings are not finite, expected numbers."
-        raise FitError(msg)
-    return sums if former is None else sums.with_matrix(former), residual
-
-
-def _by_matrix(
-    stack: Stack,
-    readings: Readings,
-    theta: Vector,
-    loss: Loss,
-    former: Sums | None,
-    design: Matrix,
-) -> tuple[Sums, Float[np.ndarray, " t"]]:
-    residual = readings.value - design @ theta
+    if axes is not None and design is None:
+        sums, residual = _by_loop(stack, readings, theta, loss, former is None, axes)
+        return sums if former is None else sums.with_matrix(former), residual
+    matrix = stack.matrix(readings) if design is None else design
+    residual = readings.value - matrix @ theta
     ratio = residual / loss.scale
     share, slope = loss.influence(ratio)
     active, good = share > 0.0, np.abs(ratio) <= loss.wild_from
@@ -231,19 +207,19 @@ def _by_matrix(
         np.square(residual).sum(where=good),
         np.count_nonzero(good),
     ]
-    right, sizes = design.T @ psi, _binned(residual)
+    right, sizes = matrix.T @ psi, _binned(residual)
     vectors = {"right": right, "tally": np.array(tally, float), "histogram": sizes}
     if former is not None:
         return dataclasses.replace(former, **vectors), residual
     least = np.hstack([np.full(each.size, each.least) for each in stack.effects])
-    if isinstance(design, np.ndarray):
-        read: Any = np.abs(design) > least
+    if isinstance(matrix, np.ndarray):
+        read: Any = np.abs(matrix) > least
     else:
-        felt = np.abs(design.data) > least[design.indices]
-        read = sp.csr_array((felt, design.indices, design.indptr), design.shape)
+        felt = np.abs(matrix.data) > least[matrix.indices]
+        read = sp.csr_array((felt, matrix.indices, matrix.indptr), matrix.shape)
     support = read.T @ active.astype(np.int64)
-    matrix = _products(stack, design, active.astype(float))
-    return Sums(stack, *matrix, **vectors, support=support), residual
+    products = _products(stack, matrix, active.astype(float))
+    return Sums(stack, *products, **vectors, support=support), residual
 
 
 def _products(
@@ -272,29 +248,41 @@ def _by_loop(
     loss: Loss,
     full: bool,
     axes: Axes,
-    residual: Float[np.ndarray, " t"],
-) -> Sums:
-    """Return the sums over a plane by the compiled loop, which fills in the residuals."""
+) -> tuple[Sums, Float[np.ndarray, " t"]]:
+    """Return the sums over a plane and its residuals, by the compiled loop on all cores."""
     from ._kernel import add_plane
 
-    table, sums = stack.table, Sums.empty(stack)
+    table, residual = stack.table, np.empty(len(readings))
     assert table is not None
     transposed = len(table.nodes[0]) > len(table.nodes[1])
     names = table.inputs if transposed else table.inputs[::-1]
-    along, across = (np.asarray(readings.inputs[name], float) for name in names)
     fast = min(len(nodes) for nodes in table.nodes)
     corners = (0, 1, fast, fast + 1)
     pairs = [(a, b) for a in range(4) for b in range(a + 1)]
-    record = np.zeros((stack.band, len(pairs)))
-    add_plane(
-        along, across, readings.value, axes, theta, dataclasses.astuple(loss),
-        full, record, sums.right, sums.tally, sums.support, residual,
-    )  # fmt: skip
-    for place, (a, b) in enumerate(pairs):
-        low, high = corners[b], corners[a]
-        slot = stack.offsets.index(high - low)
-        sums.diagonals[low:, slot] += record[: stack.band - low, place]
-    return dataclasses.replace(sums, histogram=_binned(residual))
+
+    def summed(rows: slice) -> Sums:
+        piece, sums = readings.take(rows), Sums.empty(stack)
+        along, across = (np.asarray(piece.inputs[name], float) for name in names)
+        record = np.zeros((stack.band, len(pairs)))
+        add_plane(
+            along, across, piece.value, axes, theta, dataclasses.astuple(loss),
+            full, record, sums.right, sums.tally, sums.support, residual[rows],
+        )  # fmt: skip
+        for place, (a, b) in enumerate(pairs):
+            low, high = corners[b], corners[a]
+            slot = stack.offsets.index(high - low)
+            sums.diagonals[low:, slot] += record[: stack.band - low, place]
+        return dataclasses.replace(sums, histogram=_binned(residual[rows]))
+
+    step = -(-len(readings) // min(os.cpu_count() or 1, len(readings) // MANY))
+    pieces = [slice(k, k + step) for k in range(0, len(readings), step)]
+    # The loop lets go of the interpreter.
+    with ThreadPoolExecutor(len(pieces)) as pool:
+        sums = functools.reduce(operator.add, pool.map(summed, pieces))
+    if not np.isfinite(residual).all():
+        msg = "readings are not finite, expected numbers."
+        raise FitError(msg)
+    return sums, residual
 
 
 def loop_axes(stack: Stack, readings: Readings) -> Axes | None:
