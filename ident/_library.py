@@ -354,7 +354,7 @@ def fit(
             remove == "none"
         ):  # The mean of the runs is the machine's, which few do not tell.
             for axis, every in joint.runs.items():
-                aside = joint.fits[axis].design.course.aside
+                aside = joint.fits[axis].design.aside
                 runs = [run for run in every if run.run not in aside]
                 doubts[axis] = scatter_of_runs(runs)[0] / max(len(runs), 1) ** 0.5
         constant |= {

@@ -55,7 +55,7 @@ def _sentences(fit: "Fit") -> list[str]:
             " places again."
         )
     for axis, runs in fit.suspect_runs.items():
-        counts = "do not count" if every[axis].design.course.aside else "count"
+        counts = "do not count" if every[axis].design.aside else "count"
         named = ", ".join(map(str, runs))
         sentences.append(
             f"Runs of {axis} contradict the others, and {counts} in their mean: {named}."

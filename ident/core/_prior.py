@@ -248,9 +248,7 @@ class NoPrior(AbstractPrior):
 
     size: int
 
-    @cached_property
-    def rows(self) -> tuple[sp.csr_array, ...]:
-        return ()
+    rows = ()
 
     @property
     def straight(self) -> Float[np.ndarray, "n z"]:

@@ -1,8 +1,7 @@
 """Fits of tables, in memory and in pieces: arrays in, model and uncertainty out.
 
 `fit_table` (`_table`) and `fit_streamed` (`_stream`) are one estimator, that of
-`axcomp.ident.core`; `_runs` says what of repeated runs a table keeps, `_result` what was
-found, `_once` what a single probing cannot tell.
+`axcomp.ident.core`; `_result` says what was found, `_once` what a single probing cannot tell.
 `predict` and `leave_out` say what a fit says elsewhere, and without some readings;
 `_inequalities` makes the written values keep what they must.
 """
@@ -27,7 +26,7 @@ from ._predict import (
     spatial_blocks as spatial_blocks,
     zeroed as zeroed,
 )
-from ._runs import scatter_of_runs as scatter_of_runs
+from ._result import scatter_of_runs as scatter_of_runs
 from ._stream import (
     Apply as Apply,
     Grouping as Grouping,

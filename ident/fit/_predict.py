@@ -1,10 +1,10 @@
 """What a fitted table says elsewhere, and what it says without some of its readings."""
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
 from jaxtyping import Float, Int
 
 from ..core import (
@@ -36,39 +36,29 @@ def predict(
     Raises:
         FitError: If a table with two directions is asked without any.
     """
-    rows = _rows(fit.layout, positions, branch)
-    moved: Any = rows @ fit.covariance
-    variance = moved.multiply(rows).sum(axis=1)
-    mean = rows @ fit.layout.to_values(fit.values)
-    return mean, np.sqrt(np.maximum(variance, 0.0))
-
-
-def _rows(
-    layout: TableEffect,
-    positions: Float[np.ndarray, "t d"],
-    branch: Int[np.ndarray, " t"] | None,
-) -> sp.csr_array:
-    if layout.branches == 2 and branch is None:
+    if fit.layout.branches == 2 and branch is None:
         msg = (
             "a table with two directions says something else in each: "
             "give the direction of every position (branch)."
         )
         raise FitError(msg)
     samples = Samples(positions, np.zeros(len(positions)), branch)
-    return Stack((layout,)).matrix(samples.readings)
+    rows = Stack((fit.layout,)).matrix(samples.readings)
+    moved: Any = rows @ fit.covariance
+    variance = moved.multiply(rows).sum(axis=1)
+    mean = rows @ fit.layout.to_values(fit.values)
+    return mean, np.sqrt(np.maximum(variance, 0.0))
 
 
-def mean_row(
-    layout: TableEffect,
-    positions: Float[np.ndarray, "t d"],
-    branch: Int[np.ndarray, " t"] | None = None,
-) -> Float[np.ndarray, " n"]:
-    """Return each unknown's share in the mean of a table; arguments and errors as for `predict`."""
-    return np.asarray(_rows(layout, positions, branch).mean(axis=0))
+def mean_row(layout: TableEffect, place: Sequence[float]) -> Float[np.ndarray, " n"]:
+    """Return each unknown's share in what a table says at a place, the mean of its directions."""
+    ways = np.arange(layout.branches)
+    there = Samples(np.tile(np.array(place), (len(ways), 1)), np.zeros(len(ways)), ways)
+    return np.asarray(Stack((layout,)).matrix(there.readings).mean(axis=0))
 
 
 def zeroed(fit: TableFit, row: Float[np.ndarray, " n"]) -> TableFit:
-    """Return a table less a mean of it, by each unknown's share in that (`mean_row`).
+    """Return a table less what it says at a place, by each unknown's share in that (`mean_row`).
 
     The standard deviations of its values are those of the differences. The fit is one of all its
     readings.

@@ -7,7 +7,7 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Bool, Float, Int
 from scipy.ndimage import maximum_filter, median
-from scipy.special import ndtri, stdtrit
+from scipy.special import ndtri, stdtr, stdtrit
 
 from ...data.signals import NORMAL, independent, resolution
 from ..core import (
@@ -24,7 +24,6 @@ from ..core import (
     sums_of,
 )
 from ..core._readings import Vector
-from ._runs import TWO_SIGMA
 from ._types import RunEffect, Samples, TableFit
 
 _NOTHING, _HOPELESS = 1e-12, 1e3
@@ -41,6 +40,12 @@ _TORN, _STEPS, _RUNS, _IN_A_ROW, _EVEN = 8.0, 3.0, 3, 4, 2.0
 """Robust deviations, and steps of the instrument, by which readings of a run lie off the others;
 runs that tell that, and how many readings one after the other; from one to the next at most so
 many times as far."""
+_FAR = 1e-3
+"""Chance of any run at all being as far off the others, below which it is named."""
+_LOUD = 3.0
+"""A run with this many times the scatter of the median run is named."""
+_TWO_SIGMA = 0.97725
+"""Share of a normal variable below two standard deviations."""
 ALIKE = (
     "Readings of a run that follow each other err alike (heat, air): the standard deviations "
     "are no smaller than those of the mean of the runs."
@@ -186,6 +191,62 @@ def _run_effects(
     )
 
 
+def far_runs(runs: Sequence[RunEffect]) -> tuple[int, ...]:
+    """Return runs that lie further off the others than those of one machine in a thousand.
+
+    Each offset against mean and scatter of the others, by Student's t.
+    """
+    count = len(runs)
+    if count < 3:
+        return ()
+    offset = np.array([run.offset for run in runs])
+    offset_sd = np.array([run.offset_sd for run in runs])
+    free = count - 1
+    # Of the others alone, by the deviations from the mean of all.
+    deviation = offset - offset.mean()
+    square = np.sum(deviation**2) - deviation**2 * count / free
+    scatter = np.maximum(np.sqrt(np.maximum(square, 0.0) / (free - 1)), offset_sd)
+    distance = np.abs(deviation) * count / free
+    t = distance / (scatter * np.sqrt(1.0 + 1.0 / free))
+    # Of two others the scatter is hardly known: as if of three.
+    far = 2.0 * stdtr(max(count - 2, 2), -t) < _FAR / count
+    return tuple(run.run for run, is_far in zip(runs, far, strict=True) if is_far)
+
+
+def suspect_runs(
+    runs: Sequence[RunEffect],
+    residual: Float[np.ndarray, " t"],
+    run: Int[np.ndarray, " t"] | None,
+) -> tuple[int, ...]:
+    """Return which of some runs contradict the others: far off them, or scattering far more."""
+    if len(runs) < 3 or run is None:
+        return ()
+    labels = np.array([effect.run for effect in runs])
+    scatter = np.asarray(median(np.abs(residual), run, labels))
+    loud = labels[scatter > _LOUD * np.median(scatter)].tolist()
+    return tuple(sorted({*loud, *far_runs(runs)}))
+
+
+def scatter_of_runs(runs: Sequence[RunEffect]) -> tuple[float, float]:
+    """Return the standard deviations of offsets and of drifts of some runs.
+
+    Less what the noise of their readings explains. The factor of Student's t makes two of them
+    hold as many cases as of a normal variable.
+    """
+    count = len(runs)
+    if count < 2:
+        return 0.0, 0.0
+    values = np.array([[run.offset, run.drift] for run in runs])
+    deviations = np.array([[run.offset_sd, run.drift_sd] for run in runs])
+    noise = np.square(deviations).sum(axis=0) / (count - 1)
+    # The mean of drifts is what the table did not keep.
+    values[:, 0] -= values[:, 0].mean()
+    between = np.maximum(np.square(values).sum(axis=0) / (count - 1) - noise, 0.0)
+    factor = 0.5 * float(stdtrit(count - 1, _TWO_SIGMA))
+    offset, drift = (factor * np.sqrt(between)).tolist()
+    return offset, drift
+
+
 def doubt_of_curves(
     fit: TableFit, samples: Samples, node: Int[np.ndarray, " t"]
 ) -> Float[np.ndarray, " n"]:
@@ -281,7 +342,7 @@ def runs_apart(
     centred = means - (np.bincount(place, means, size) / np.maximum(count, 1))[place]
     free = np.maximum(count - 1, 1)
     square = np.bincount(place, centred**2, size) / (free * np.maximum(count, 1))
-    doubt = square * np.square(0.5 * stdtrit(free, TWO_SIGMA))
+    doubt = square * np.square(0.5 * stdtrit(free, _TWO_SIGMA))
     doubt[np.bincount(at, torn, size) == 0] = 0.0
     # Smoothness carries it to the nodes beside.
     return apart, table.to_values(maximum_filter(table.to_table(doubt), 3))

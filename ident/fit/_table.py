@@ -6,6 +6,9 @@ from functools import cached_property
 from typing import Literal, final
 
 import numpy as np
+import scipy.linalg
+import scipy.sparse as sp
+import scipy.sparse.linalg
 from jaxtyping import Bool, Float, Int
 from scipy.ndimage import maximum, median
 
@@ -16,6 +19,7 @@ from ..core import (
     Loss,
     Passes,
     Problem,
+    Readings,
     Stack,
     TableEffect,
     least_scale,
@@ -35,9 +39,9 @@ from ._result import (
     residual_of,
     result_of,
     runs_apart,
+    suspect_runs,
     wild_readings,
 )
-from ._runs import kept_by_table, suspect_runs
 from ._steps import Steps
 from ._types import Extent, Samples, Smoothness, TableFit
 
@@ -46,6 +50,9 @@ RunEffects = Literal["none", "offset", "drift"]
 
 _DENSE = 60
 """Unknowns of a table up to which dense algebra is faster than a band."""
+_RIDGE, _EXACT, _HARDLY = 1e-9, 1e-6, 0.05
+"""Holds nodes without readings; shares of an offset and of a drift, that a table leaves of it, up
+to which the table does it as well."""
 _FIRST = 9
 """Readings that tell where to begin."""
 TOO_MANY = 0.1
@@ -211,14 +218,9 @@ class _InMemory:
     @cached_property
     def kept(self) -> Float[np.ndarray, "pg k"]:
         """Effects of the runs that the table does as well."""
-        return kept_by_table(
+        return _kept_by_table(
             self.layout, self.samples.readings, self.run_effects == "drift"
         )
-
-    def medians(self, values: Float[np.ndarray, " t"]) -> Float[np.ndarray, " r"]:
-        """Return the median of each run."""
-        run = self.samples.readings.inputs["run"]
-        return np.asarray(median(values, run, np.arange(len(self.labels))))
 
     def __call__(self, loss: str, far: Sequence[int]) -> TableFit:
         """Return the fit by one loss, some runs left out of the mean of all."""
@@ -226,7 +228,8 @@ class _InMemory:
         error, effect = readings.value, stack.effects[-1]
         start = np.full(stack.size, level_of(error))
         if isinstance(effect, GroupEffect):
-            offset = self.medians(error) - start[0]
+            runs = np.arange(len(self.labels))
+            offset = median(error, readings.inputs["run"], runs) - start[0]
             start[stack.here(-1)] = effect.by_group[: len(offset)].T @ offset
         over, weights = memory(stack, readings), fixed_weights(self.smoothness)
         # A reading that is off by a step of the instrument is none that is wild.
@@ -256,6 +259,51 @@ class _InMemory:
             wild=wild,
             suspect_runs=suspect_runs(fit.runs, residual, self.samples.run),
         )
+
+
+def _kept_by_table(
+    table: TableEffect, readings: Readings, drift: bool
+) -> Float[np.ndarray, "pg k"]:
+    """Return the offsets, then drifts, of runs that a table does as well, orthonormal columns.
+
+    A mean offset is the constant of the table, and offsets of lines that grow from line to line
+    are a slope of it; its smoothness tells those of set-ups that adjoin. A drift that all runs
+    share is a slope where all go the same way over their places; where they go there and back it
+    is that slope upward and its opposite downward. What readings hardly tell apart the table keeps.
+
+    Args:
+        table: Beside the runs.
+        readings: With the number of the run of each, and its place within it for drifts.
+        drift: Whether the runs have one.
+    """
+    run, nodes = readings.inputs["run"], Stack((table,)).matrix(readings)
+    each = sp.csr_array((np.ones(len(run)), (np.arange(len(run)), run)))
+    # What smoothness does not see of the table.
+    straight = scipy.linalg.orth(nodes @ table.prior.straight)
+    shared, alike = each.T @ straight, (each.T @ each).toarray()
+    offsets = _null(alike, alike - shared @ shared.T, _EXACT)
+    if not drift:
+        return offsets
+    place = sp.csr_array(each * readings.inputs["order"][:, None])
+    columns = sp.csr_array(sp.hstack([each, place]))
+    normal = sp.csc_array(nodes.T @ nodes + _RIDGE * sp.eye_array(table.size))
+    own, shared = (columns.T @ columns).toarray(), (nodes.T @ columns).toarray()
+    left = own - shared.T @ scipy.sparse.linalg.splu(normal).solve(shared)
+    # What table and offsets leave of the drifts.
+    half = len(own) // 2
+    first, last = slice(half), slice(half, None)
+    inverse = np.linalg.pinv(left[first, first], rcond=_EXACT, hermitian=True)
+    beyond = left[last, last] - left[last, first] @ inverse @ left[first, last]
+    drifts = _null(own[last, last], beyond, _HARDLY)
+    return np.asarray(scipy.linalg.block_diag(offsets, drifts))
+
+
+def _null(
+    own: Float[np.ndarray, "g g"], left: Float[np.ndarray, "g g"], least: float
+) -> Float[np.ndarray, "g k"]:
+    """Return the orthonormal combinations of columns of which less than a share is left."""
+    shares, vectors = scipy.linalg.eigh(left, own + _RIDGE * np.eye(len(own)))
+    return np.linalg.qr(vectors[:, shares < least])[0]
 
 
 def _too_many(wild: Bool[np.ndarray, " t"], fit: TableFit, samples: Samples) -> bool:

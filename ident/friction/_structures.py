@@ -187,13 +187,8 @@ class AbstractStructure(abc.ABC):
 class CoulombViscous(AbstractStructure):
     """A constant level and a slope: 2 factors per direction."""
 
-    @property
-    def label(self) -> str:
-        return "Coulomb + viscous"
-
-    @property
-    def factors(self) -> tuple[str, ...]:
-        return ("coulomb", "viscous")
+    label = "Coulomb + viscous"
+    factors = ("coulomb", "viscous")
 
     def law(self, factors: Float[np.ndarray, "w k"], shape: Shape) -> AbstractFriction:
         coulomb, viscous = factors[0] if len(factors) == 1 else factors.T
@@ -211,9 +206,7 @@ class Stribeck(AbstractStructure):
 
     exponent: float | None = None
 
-    @property
-    def factors(self) -> tuple[str, ...]:
-        return ("coulomb", "viscous", "drop")
+    factors = ("coulomb", "viscous", "drop")
 
     @property
     def label(self) -> str:

@@ -22,7 +22,7 @@ from ...core import (
     memory,
     one_blas_thread,
 )
-from .._runs import suspect_runs
+from .._result import suspect_runs
 from .._table import fixed_weights
 from .._types import RunEffect, Smoothness
 from ._design import Design, design_of, run_of

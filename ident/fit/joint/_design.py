@@ -53,7 +53,6 @@ class Course:
         pieces: Of the stated drift of each run; 0 = an offset alone.
         steps: Of the bridge upon each piece; one has no bridge.
         counted: Whether the zero of each run is the machine's; empty: all are alike.
-        aside: Runs that contradict the others, and do not count in their mean.
     """
 
     runs: tuple[int, ...] = ()
@@ -61,14 +60,6 @@ class Course:
     pieces: int = 0
     steps: int = 1
     counted: tuple[bool, ...] = ()
-    aside: tuple[int, ...] = ()
-
-    def counts(self, seen: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
-        """Return how much each value of the runs counts in the mean of all: 1, or 0."""
-        counted = np.array(self.counted or [True] * len(self.runs))
-        counted &= ~np.isin(self.runs, self.aside)
-        result = np.repeat(counted, len(seen) // len(counted)) * (seen > 0.0)
-        return result.astype(float) if result.any() else seen
 
     @property
     def walk(self) -> Independent:
@@ -126,6 +117,7 @@ class Design:
         columns: Shape ``(r, n)``.
         components: Effects, then the datum, then the runs and what they wander, if any.
         course: What the reference does within its runs.
+        aside: Runs that contradict the others, and do not count in their mean.
     """
 
     axis: str
@@ -135,6 +127,7 @@ class Design:
     columns: sp.csr_array
     components: tuple[Component, ...]
     course: Course
+    aside: tuple[int, ...] = ()
 
     @property
     def stated(self) -> tuple[Component, ...]:
@@ -196,6 +189,14 @@ class Design:
     def information(self) -> sp.csr_array:
         """Information of all rows on the unknowns, Σ x xᵀ, whatever was measured in them."""
         return sp.csr_array(self.columns.T @ self.columns)
+
+    def counts_of_runs(self, seen: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
+        """Return how much each value of the runs counts in the mean of all: 1, or 0."""
+        runs = self.course.runs
+        counted = np.array(self.course.counted or [True] * len(runs))
+        counted &= ~np.isin(runs, self.aside)
+        result = np.repeat(counted, len(seen) // len(counted)) * (seen > 0.0)
+        return result.astype(float) if result.any() else seen
 
     def over(self, shapes: Float[np.ndarray, "n m"]) -> Float[np.ndarray, "m m"]:
         """Return the information on mixtures of the unknowns."""

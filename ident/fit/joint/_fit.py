@@ -231,9 +231,7 @@ def fit_joint(
         for axis, aside in suspects.items():
             if aside and loss != "gauss" and not all_runs:
                 # A run that contradicts the others must not pull their mean.
-                design = fits[axis].design
-                course = dataclasses.replace(design.course, aside=aside)
-                design = dataclasses.replace(design, course=course)
+                design = dataclasses.replace(fits[axis].design, aside=aside)
                 fits[axis] = dataclasses.replace(fits[axis], design=design)
         parts = {part.name: part for fit in fits.values() for part in _parts(fit)}
         runs = {axis: fit.runs() for axis, fit in fits.items()}
@@ -359,11 +357,10 @@ def _by_axis(effects: Sequence[AbstractEffect]) -> dict[str, list[AbstractEffect
         msg = "found no effects, expected one at least."
         raise FitError(msg)
     result: dict[str, list[AbstractEffect]] = {}
-    names: set[str] = set()
     for effect in effects:
-        if effect.name in names:
+        group = result.setdefault(effect.axis, [])
+        if any(effect.name == other.name for other in group):
             msg = f"found the {effect.name} twice, expected each effect once."
             raise FitError(msg)
-        names.add(effect.name)
-        result.setdefault(effect.axis, []).append(effect)
+        group.append(effect)
     return result

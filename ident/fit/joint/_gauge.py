@@ -151,8 +151,9 @@ def _eliminated(
         weights = part.reference if rank == 1 else None
         if weights is None:
             seen = touched[part.places]
-            counts = design.course.counts(seen) if part.rank == Rank.RUNS else seen
-            weights = left[:, :rank].T * counts
+            if part.rank == Rank.RUNS:
+                seen = design.counts_of_runs(seen)
+            weights = left[:, :rank].T * seen
         functional = np.zeros((rank, design.size))
         functional[:, part.places] = weights
         rows.append(functional)

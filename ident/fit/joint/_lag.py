@@ -88,12 +88,25 @@ def find_lags(
     low, high = lag_bounds(design)
     fitted = design.columns @ fit.centre
     pseudo = fit.pseudo(design.error - fitted)
-    target, active = pseudo + fitted, pseudo != 0.0
-    believed = active.astype(float)
+    active, problem = pseudo != 0.0, fit.posterior.problem
+    believed = sp.diags_array(active.astype(float))
+    readings = Readings(np.where(active, pseudo + fitted, 0.0), {})
+
+    def posterior(trial: Design) -> Posterior | None:
+        """Return the posterior by other columns; None where the matrix is singular.
+
+        The matrix of the fit may hold a few readings that are not believed: their errors are more
+        than a lag explains.
+        """
+        columns = sp.csr_array(believed @ trial.columns)
+        about = problem.stack, readings, fit.centre, Loss()
+        sums, _ = sums_of(*about, design=columns)
+        linear = dataclasses.replace(problem, sums=sums, theta=fit.centre, gain=1.0)
+        return linear.at(fit.posterior.weights)
 
     def evidence(lags: Mapping[str, float]) -> float:
         trial = lagging(design, lags)
-        return _evidence(trial, _posterior(trial, fit, target, believed), active)
+        return _evidence(trial, posterior(trial), active)
 
     lags, width = dict(near), (high - low) / (_GRID - 1)
     for sensor, start in near.items():
@@ -118,27 +131,7 @@ def find_lags(
         lags = dict(near)
     design = lagging(design, lags)
     # Without any residual there is none that could have changed sides.
-    post = _posterior(design, fit, target, believed) or fit.posterior
-    return _with_deviations(design, post, active, lags)
-
-
-def _posterior(
-    design: Design,
-    fit: Estimate,
-    target: Float[np.ndarray, " r"],
-    believed: Float[np.ndarray, " r"],
-) -> Posterior | None:
-    """Return the posterior by other columns; None where the matrix is singular.
-
-    Weights of the prior and of the readings are those of a fit, whose matrix may hold a few
-    readings that are not believed: their errors are more than a lag explains.
-    """
-    post, readings = fit.posterior, Readings(target * believed, {})
-    columns = sp.csr_array(sp.diags_array(believed) @ design.columns)
-    stack, centre = post.problem.stack, fit.centre
-    sums, _ = sums_of(stack, readings, centre, Loss(), design=columns)
-    problem = dataclasses.replace(post.problem, sums=sums, theta=centre, gain=1.0)
-    return problem.at(post.weights)
+    return _with_deviations(design, posterior(design) or fit.posterior, active, lags)
 
 
 def _evidence(

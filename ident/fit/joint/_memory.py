@@ -21,7 +21,7 @@ from jaxtyping import Float, Int
 from ....data.signals import last_direction
 from ...core import DriftNoise, Spread, find_drift, scatter_of_sums
 from ...core._regression import SINGULAR
-from .._runs import scatter_of_runs
+from .._result import scatter_of_runs
 from ._effect import Rank
 
 if TYPE_CHECKING:
@@ -190,7 +190,7 @@ class Memory:
             return moves
         basis = scipy.linalg.orth(runs, rcond=SINGULAR)
         levels = basis @ (basis.T @ moves)
-        aside = self.fit.design.course.aside
+        aside = self.fit.design.aside
         effects = [effect for effect in self.fit.runs() if effect.run not in aside]
         # Those of runs by themselves; in a drift all err alike.
         apart = scatter_of_runs(effects)[0]

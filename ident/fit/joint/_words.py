@@ -71,7 +71,7 @@ def _gauges(known: Identified) -> Iterator[Gauge]:
         members = [parts[k] for k in level]
         names = (*(part.owner for part in members), f"datum of {known.design.axis}")
         rules = "; ".join(dict.fromkeys(part.level for part in members))
-        if known.design.course.aside:
+        if known.design.aside:
             rules += ", without those that contradict the others"
         rule = f"The datum keeps the constant: {rules}."
         yield _gauge("A constant may", names, rule)

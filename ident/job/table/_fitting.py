@@ -237,7 +237,7 @@ def _fit_of_share(plan: Plan, share: "Share") -> TableFit:
     hidden = ~np.isfinite(deviation)
     suspects = share.fit.suspect_runs[plan.axis]
     if plan.fit.loss != "gauss":
-        suspects = share.fit.fits[plan.axis].design.course.aside
+        suspects = share.fit.fits[plan.axis].design.aside
     deviation[hidden] = float(np.std(part.table))
     support = np.where(hidden, 0.0, support).astype(np.int64)
     return TableFit(

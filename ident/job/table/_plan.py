@@ -124,9 +124,8 @@ class Plan(AbstractPlan):
         Raises:
             JobError: If the datum lies outside the table.
         """
-        layout, count = self.table.layout, self.table.branches
         if self.datum is None:
-            return np.zeros(layout.size)
+            return np.zeros(self.table.layout.size)
         for place, nodes in zip(self.datum, self.table.nodes, strict=True):
             ends = nodes.positions[[0, -1]]
             if not ends[0] <= place <= ends[1]:
@@ -135,8 +134,7 @@ class Plan(AbstractPlan):
                     f"found {place:g}, expected a position within the table of"
                     f" fits[{self.index}], {ends[0]:g} to {ends[1]:g}",
                 )
-        where = np.tile(np.array([self.datum]), (count, 1))
-        return mean_row(layout, where, np.arange(count) if count == 2 else None)
+        return mean_row(self.table.layout, self.datum)
 
     def zero_of(self, values: Float[np.ndarray, "..."]) -> float:
         """Return what values at the nodes say at the datum."""
