@@ -31,7 +31,7 @@ from ._effect import (
     touched as touched,
 )
 from ._evidence import Spread as Spread, choose_weights as choose_weights
-from ._factor import ArrowFactor as ArrowFactor
+from ._factor import ArrowFactor as ArrowFactor, one_blas_thread as one_blas_thread
 from ._hold_out import (
     leave_one_out as leave_one_out,
     simplest as simplest,
@@ -65,4 +65,3 @@ from ._regression import (
 from ._robust import Estimate as Estimate, Passes as Passes, memory as memory
 from ._stack import Stack as Stack
 from ._sums import Sums as Sums, sums_of as sums_of
-from ._threads import one_blas_thread as one_blas_thread

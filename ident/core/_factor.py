@@ -5,22 +5,27 @@ everything else stands beside them (the border). With an empty band the matrix i
 with an empty border it is a band. Elements of the inverse come from the same factor.
 """
 
+import contextlib
 import dataclasses
 import math
-from collections.abc import Callable, Sequence
-from functools import cached_property
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from functools import cache, cached_property
 from itertools import pairwise
-from typing import final
+from typing import Any, final
 
 import numpy as np
 from jaxtyping import Float
 from numpy.lib.stride_tricks import as_strided
 from scipy.linalg import get_blas_funcs, get_lapack_funcs
+from threadpoolctl import OpenBLASController, ThreadpoolController
 
 dsyrk, dtrsm = get_blas_funcs(("syrk", "trsm"), dtype=np.float64)
 dpbtrf, dtbtrs, dpotrf, dpotri, dpotrs, dtrtri = get_lapack_funcs(
     ("pbtrf", "tbtrs", "potrf", "potri", "potrs", "trtri"), dtype=np.float64
 )
+
+_controller = cache(ThreadpoolController)
 
 _DENSE = 500
 """Unknowns from which on it pays to look for blocks that nothing couples."""
@@ -198,3 +203,39 @@ def band_inverse(band: Columns, offsets: Sequence[int]) -> Float[np.ndarray, "n 
     for slot, k in enumerate(offsets):
         result[n - k :, slot] = 0.0
     return result
+
+
+class _Limit:
+    """The limit on BLAS threads, shared by all fits that overlap in time.
+
+    The first fit sets it and the last one lifts it: a fit that restored what it found
+    would leave the limit of another one behind for ever. threadpoolctl listens to the
+    thread that set a limit only; the last fit may run in another one.
+    """
+
+    lock = threading.Lock()
+    users = 0
+    limiter: Any = None
+
+
+@contextlib.contextmanager
+def one_blas_thread() -> Iterator[None]:
+    """Limit BLAS to one thread inside the block, in whatever threads blocks overlap.
+
+    The band matrices here are too narrow to share well, and the threads of BLAS and of XLA
+    fight for the same cores: one BLAS thread is faster, and much faster on a busy machine.
+    """
+    with _Limit.lock:
+        if _Limit.users == 0:
+            OpenBLASController.clear_controlling_thread(force=True)
+            _Limit.limiter = _controller().limit(limits=1, user_api="blas")
+        _Limit.users += 1
+    try:
+        yield
+    finally:
+        with _Limit.lock:
+            _Limit.users -= 1
+            if _Limit.users == 0:
+                OpenBLASController.clear_controlling_thread(force=True)
+                _Limit.limiter.restore_original_limits()
+                OpenBLASController.clear_controlling_thread(force=True)

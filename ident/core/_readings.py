@@ -20,8 +20,6 @@ NOT_LEFT_OUT = (
 """The same, where readings were held out."""
 
 Vector = Float[np.ndarray, " _n"]
-Rows = Any
-"""A slice, a mask of shape ``(t,)`` or row numbers."""
 
 
 class FitError(AxcompError, ValueError):
@@ -44,7 +42,7 @@ class Readings:
     def __len__(self) -> int:
         return len(self.value)
 
-    def take(self, rows: Rows) -> "Readings":
+    def take(self, rows: Any) -> "Readings":
         """Return the readings of a slice, a mask or row numbers."""
         inputs = {name: array[rows] for name, array in self.inputs.items()}
         return Readings(self.value[rows], inputs)

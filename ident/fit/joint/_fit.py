@@ -236,17 +236,14 @@ def fit_joint(
         parts = {part.name: part for fit in fits.values() for part in _parts(fit)}
         runs = {axis: fit.runs() for axis, fit in fits.items()}
         gauges, confusions = words_of(fit.known for fit in fits.values())
+    by_size = loss == "huber"
+    kept = {a: fit.counted if by_size else fit.active for a, fit in fits.items()}
     return JointFit(
         parts=tuple(parts[effect.name] for effect in placed),
         noise={axis: fit.estimate.noise for axis, fit in fits.items()},
         residual={a: fit.over_rows(fit.residual, np.nan) for a, fit in fits.items()},
         share={axis: fit.over_rows(fit.share, 0.0) for axis, fit in fits.items()},
-        wild={
-            axis: fit.over_rows(
-                ~(fit.counted if loss == "huber" else fit.active), False
-            )
-            for axis, fit in fits.items()
-        },
+        wild={axis: fits[axis].over_rows(~good, False) for axis, good in kept.items()},
         runs=runs,
         suspect_runs=suspects,
         gauges=gauges,

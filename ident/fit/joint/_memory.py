@@ -118,10 +118,8 @@ class Memory:
         if self.drift is not None and direction.any():
             column = direction[self._believed, None]
             white = self.fit.estimate.scatter[0] * np.square(column).sum()
-            drifting = scatter_of_sums(self.drift, self.clock[self._believed], column)[
-                0, 0
-            ]
-            swell = max(swell, float(drifting / white))
+            drifting = scatter_of_sums(self.drift, self.clock[self._believed], column)
+            swell = max(swell, float(drifting[0, 0] / white))
         return swell
 
     @cached_property
