@@ -70,9 +70,7 @@ def touched(
     count = len(positions)
     if count == 0:
         return np.zeros((0, 1), dtype=np.int64), np.zeros((0, 1))
-    sense = np.ones(count, dtype=np.int64)
-    if direction is not None:
-        sense = np.where(direction < 0, -1, 1)
+    sense = np.where(np.zeros(count) if direction is None else direction < 0, -1, 1)
     nodes, weights = _stencil(model, filled(positions, 64), filled(sense, 64))
     return np.asarray(nodes)[:count], np.asarray(weights)[:count]
 

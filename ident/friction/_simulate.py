@@ -23,6 +23,7 @@ from jaxtyping import Array, Bool, Float
 
 from ...models import FrictionCompensation, StribeckFriction
 from .._ipopt import VectorFunction, least_squares_ipopt
+from ..core import filled
 from ._samples import Trace
 
 Solver = Literal["optimistix", "ipopt"]
@@ -343,9 +344,8 @@ def share_of(
 
     A row per look-ahead and an entry per cycle (`FrictionCompensation.shares`).
     """
-    place = padded(position)
-    place[len(position) :] = position[-1]  # standing still behind the end
-    motion = jnp.asarray(place), jnp.asarray(padded(velocity))
+    # It stands still behind the end.
+    motion = jnp.asarray(filled(position, _SHORTEST)), jnp.asarray(padded(velocity))
 
     @lru_cache(maxsize=64)
     def share(distance: float) -> Float[np.ndarray, "l t"]:

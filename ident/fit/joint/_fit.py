@@ -179,6 +179,7 @@ class JointFit:
         return result
 
 
+@one_blas_thread()
 def fit_joint(
     data: JointData,
     effects: Sequence[AbstractEffect],
@@ -223,19 +224,17 @@ def fit_joint(
             return fit_by("huber")
         return fit
 
-    with one_blas_thread():
-        # Axes share no unknowns; their matrix products leave the interpreter free.
-        with ThreadPoolExecutor(os.cpu_count()) as pool:
-            fits = dict(zip(groups, pool.map(fitted, groups), strict=True))
-        suspects = {axis: fit.suspects for axis, fit in fits.items()}
-        for axis, aside in suspects.items():
-            if aside and loss != "gauss" and not all_runs:
-                # A run that contradicts the others must not pull their mean.
-                design = dataclasses.replace(fits[axis].design, aside=aside)
-                fits[axis] = dataclasses.replace(fits[axis], design=design)
-        parts = {part.name: part for fit in fits.values() for part in _parts(fit)}
-        runs = {axis: fit.runs() for axis, fit in fits.items()}
-        gauges, confusions = words_of(fit.known for fit in fits.values())
+    # Axes share no unknowns; their matrix products leave the interpreter free.
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        fits = dict(zip(groups, pool.map(fitted, groups), strict=True))
+    suspects = {axis: fit.suspects for axis, fit in fits.items()}
+    for axis, aside in suspects.items():
+        if aside and loss != "gauss" and not all_runs:
+            # A run that contradicts the others must not pull their mean.
+            design = dataclasses.replace(fits[axis].design, aside=aside)
+            fits[axis] = dataclasses.replace(fits[axis], design=design)
+    parts = {part.name: part for fit in fits.values() for part in _parts(fit)}
+    gauges, confusions = words_of(fit.known for fit in fits.values())
     by_size = loss == "huber"
     kept = {a: fit.counted if by_size else fit.active for a, fit in fits.items()}
     return JointFit(
@@ -244,7 +243,7 @@ def fit_joint(
         residual={a: fit.over_rows(fit.residual, np.nan) for a, fit in fits.items()},
         share={axis: fit.over_rows(fit.share, 0.0) for axis, fit in fits.items()},
         wild={axis: fits[axis].over_rows(~good, False) for axis, good in kept.items()},
-        runs=runs,
+        runs={axis: fit.runs() for axis, fit in fits.items()},
         suspect_runs=suspects,
         gauges=gauges,
         confusions=confusions,
@@ -276,6 +275,7 @@ def _parts(fit: AxisFit) -> Iterator[Part]:
         )
 
 
+@one_blas_thread()
 def held_out_errors(
     fit: JointFit, groups: Int[np.ndarray, " t"], *, runs: bool = False
 ) -> dict[str, Float[np.ndarray, " t"]]:
@@ -289,14 +289,12 @@ def held_out_errors(
         groups: What is left out together: the run, or the block of each row.
         runs: As for `JointFit.predict`.
     """
-    result = {}
-    for axis, axis_fit in fit.fits.items():
-        held_out = _held_out(axis_fit, groups[axis_fit.design.rows], runs)
-        result[axis] = axis_fit.over_rows(held_out, np.nan)
-    return result
+    return {
+        axis: one.over_rows(_held_out(one, groups[one.design.rows], runs), np.nan)
+        for axis, one in fit.fits.items()
+    }
 
 
-@one_blas_thread()
 def _held_out(
     fit: AxisFit, groups: Int[np.ndarray, " r"], runs: bool
 ) -> Float[np.ndarray, " r"]:
@@ -323,6 +321,7 @@ def _held_out(
     return residual
 
 
+@one_blas_thread()
 def examine_design(
     data: JointData, effects: Sequence[AbstractEffect]
 ) -> tuple[tuple[Gauge, ...], tuple[Confusion, ...]]:
@@ -337,11 +336,11 @@ def examine_design(
     Raises:
         FitError: If an input is missing or no row is complete.
     """
-    with one_blas_thread():
-        return words_of(
-            identified(design_of(axis, group, data, 0, None, axis in data.error))
-            for axis, group in _by_axis([e.placed(data) for e in effects]).items()
-        )
+    groups = _by_axis([effect.placed(data) for effect in effects])
+    return words_of(
+        identified(design_of(axis, group, data, 0, None, axis in data.error))
+        for axis, group in groups.items()
+    )
 
 
 def _by_axis(effects: Sequence[AbstractEffect]) -> dict[str, list[AbstractEffect]]:
