@@ -102,9 +102,7 @@ def leave_out(
         if isinstance(effect, GroupEffect):
             runs, ahead = readings.inputs["run"], stack.starts[-2] - stack.band
             for label in sums:
-                absent = (
-                    np.bincount(runs[groups != label], minlength=len(fit.runs)) == 0
-                )
+                absent = ~np.isin(np.arange(len(fit.runs)), runs[groups != label])
                 shares = effect.by_group[np.tile(absent, effect.parts)]
                 zeros[label] = np.pad(shares, ((0, 0), (ahead, 0)))
         return folds_of(fit, sums, zeros)

@@ -198,9 +198,7 @@ class TableFit:
     message: str
     apart: Float[Array, " _t"] = dataclasses.field(default_factory=lambda: np.zeros(0))
     line_offset: float = 0.0
-    estimate: Estimate | None = dataclasses.field(
-        default=None, repr=False, compare=False
-    )
+    estimate: Estimate | None = dataclasses.field(default=None, repr=False)
     keeps: "Callable[[TableFit], TableFit] | None" = None
 
     def doubted(self, variance: float | Float[Array, " n"]) -> "TableFit":

@@ -252,9 +252,7 @@ class _Task:
         velocity[first[np.abs(velocity[first]) < _SLOW * fastest]] = 0.0
         begins, run, compared = self.runs
         steps = samples.current[:-1], begins, velocity[:-1]
-        excitation = Excitation(
-            *jax.tree.map(jnp.asarray, [*map(padded, steps), samples.cycle])
-        )
+        inputs = jax.tree.map(jnp.asarray, [*map(padded, steps), samples.cycle])
         assert samples.position is not None
         target = samples.position[1:] - samples.position[:-1][begins][run]
         # Root of the precision of the guess, in the unit of position errors.
@@ -263,7 +261,9 @@ class _Task:
         precision *= np.sqrt(self.trust * self.variance)
         arrays = padded(target), padded(compared), constant, mixing, limits
         about = self.guessed, precision, fastest
-        return Problem(excitation, *jax.tree.map(jnp.asarray, (*arrays, *about)))
+        return Problem(
+            Excitation(*inputs), *jax.tree.map(jnp.asarray, (*arrays, *about))
+        )
 
     def _limits(self) -> tuple[Float[np.ndarray, " 10"], Float[np.ndarray, " 10"]]:
         """Return limits: nothing but the offset may push, and nothing weighs nothing."""

@@ -223,9 +223,8 @@ class FrictionFit:
             follow, _, variance = self._exponent
             precision = _EXPONENTS**-2 + 1.0 / max(OTHER**2 * variance, 1e-300)
             inner = inner + np.outer(follow, follow) / precision
-        return self._determined(
-            np.sqrt(np.diag(self._jacobian @ inner @ self._jacobian.T))
-        )
+        variances = np.diag(self._jacobian @ inner @ self._jacobian.T)
+        return self._determined(np.sqrt(variances))
 
     def _determined(self, numbers: Iterable[float]) -> dict[str, float]:
         """Return numbers of parameters by name, of those that are determined."""

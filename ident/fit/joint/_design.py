@@ -255,12 +255,11 @@ def design_of(
     drift: int,
     use: Bool[np.ndarray, " t"] | None = None,
     measured: bool = True,
-    wander: bool = True,
 ) -> Design:
     """Return the columns of one axis, the nodes of its effects placed.
 
-    Arguments are as for `fit_joint`; rows without an error count unless ``measured``, and a drift
-    wanders between its knots with ``wander``.
+    Arguments are as for `fit_joint`; rows without an error count unless ``measured``, and no drift
+    wanders between its knots then.
 
     Raises:
         FitError: If no row is complete.
@@ -293,7 +292,7 @@ def design_of(
         parts = effect.components(places)
         components += [dataclasses.replace(part, table=table) for part in parts]
         count += effect.size
-    course = _course(data, axis, rows, drift, wander)
+    course = _course(data, axis, rows, drift, measured)
     nuisance = course.columns(data, axis, rows)
     constant: Any = sp.csr_array(np.ones((len(rows), 1)))
     for rank, block in {Rank.DATUM: constant, **nuisance}.items():

@@ -214,7 +214,5 @@ def ideal_shapes(design: Design) -> Shapes:
         for effect in design.effects
     ]
     pieces = design.course.pieces
-    ideal = design_of(
-        design.axis, effects, varied, pieces, measured=False, wander=False
-    )
+    ideal = design_of(design.axis, effects, varied, pieces, measured=False)
     return shapes_of(ideal, smooth=False)

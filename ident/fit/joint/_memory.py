@@ -160,11 +160,9 @@ class Memory:
             return swell
         scores = [design.columns[at].T @ pseudo for at, pseudo in self._stretches]
         changes = self.fit.estimate.posterior.factor.solve(np.hstack(scores))
-        changes = self.fit.known.rules.project(changes).reshape(
-            design.size, len(scores), -1
-        )
+        changes = self.fit.known.rules.project(changes)
         # The prior holds the sum of the scores away from zero: that is no scatter.
-        spread = changes.var(axis=1)
+        spread = changes.reshape(design.size, len(scores), -1).var(axis=1)
         for part in design.components:
             ordered, *white = spread[part.places].mean(axis=0)
             # No less than white noise, and not by chance.
