@@ -50,7 +50,8 @@ class Problem:
         cls, sums: Sums, theta: Vector, gain: float = 1.0, pins: Vector | None = None
     ) -> "Problem":
         """Return the problem of some sums; pins hold unknowns that nothing else determines."""
-        stack, diagonal = sums.stack, sums.diagonal
+        stack = sums.stack
+        diagonal = np.concatenate([sums.diagonals[:, 0], np.diag(sums.border)])
         density, held = [], np.zeros(stack.size)
         for number, (prior, here, _) in enumerate(stack.priors):
             block = diagonal[here]

@@ -220,11 +220,6 @@ class AbstractPrior(abc.ABC):
             result[k] = (ends[0] - ends[1]) / (2.0 * _STEP)
         return result
 
-    @cached_property
-    def free(self) -> int:
-        """Dimension of what no term holds."""
-        return int(self.straight.shape[1])
-
     @property
     def bounds(self) -> Float[np.ndarray, "k 2"]:
         """Least and largest log weight of each term, relative to the density."""

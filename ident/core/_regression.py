@@ -14,6 +14,7 @@ Biometrika 58(3), 1971.
 """
 
 import dataclasses
+import itertools
 
 import numpy as np
 import scipy.sparse as sp
@@ -148,11 +149,8 @@ def find_drift(
     independent, _ = deviance(gram, 0.0)
     low, high = np.log(float(np.median(gaps))), np.log(float(gaps.sum()))
     # A drift longer than the log cannot be separated from a level, which the columns hold.
-    points = [
-        (np.log(ratio), tau)
-        for ratio in np.geomspace(*_RATIOS)
-        for tau in np.linspace(low, high, _TIMES)
-    ]
+    ratios, times = np.log(np.geomspace(*_RATIOS)), np.linspace(low, high, _TIMES)
+    points = list(itertools.product(ratios, times))
     tried = [(*cost(np.array(point)), *np.exp(point)) for point in points]
     start = min(range(len(tried)), key=lambda k: tried[k][0])
     if not np.isfinite(tried[start][0]):

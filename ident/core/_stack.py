@@ -126,7 +126,7 @@ class Stack:
     @cached_property
     def free(self) -> int:
         """Number of unknowns that no prior holds."""
-        return sum(prior.free for prior, _, _ in self.priors)
+        return sum(int(prior.straight.shape[1]) for prior, _, _ in self.priors)
 
     def matrix(self, readings: Readings) -> sp.csr_array:
         """Return the rows of all effects side by side."""

@@ -9,7 +9,6 @@ import functools
 import operator
 import os
 from concurrent.futures import ThreadPoolExecutor
-from functools import cached_property
 from typing import Any, final
 
 import numpy as np
@@ -87,11 +86,6 @@ class Sums:
         """Return these sums with the matrix and the support of others."""
         right, tally, histogram = self.right, self.tally, self.histogram
         return dataclasses.replace(other, right=right, tally=tally, histogram=histogram)
-
-    @cached_property
-    def diagonal(self) -> Vector:
-        """Information on each unknown alone."""
-        return np.concatenate([self.diagonals[:, 0], np.diag(self.border)])
 
     def apply(self, values: Float[np.ndarray, " u"]) -> Vector:
         """Return $A^T W A$ × values."""
