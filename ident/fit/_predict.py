@@ -7,14 +7,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 
-from ..core import (
-    FitError,
-    GroupEffect,
-    Stack,
-    TableEffect,
-    one_blas_thread,
-    sums_by_group,
-)
+from .. import core
 from ._result import folds_of, residual_of, result_of
 from ._types import Samples, TableFit
 
@@ -41,20 +34,22 @@ def predict(
             "a table with two directions says something else in each: "
             "give the direction of every position (branch)."
         )
-        raise FitError(msg)
+        raise core.FitError(msg)
     samples = Samples(positions, np.zeros(len(positions)), branch)
-    rows = Stack((fit.layout,)).matrix(samples.readings)
+    rows = core.Stack((fit.layout,)).matrix(samples.readings)
     moved: Any = rows @ fit.covariance
     variance = moved.multiply(rows).sum(axis=1)
     mean = rows @ fit.layout.to_values(fit.values)
     return mean, np.sqrt(np.maximum(variance, 0.0))
 
 
-def mean_row(layout: TableEffect, place: Sequence[float]) -> Float[np.ndarray, " n"]:
+def mean_row(
+    layout: core.TableEffect, place: Sequence[float]
+) -> Float[np.ndarray, " n"]:
     """Return each unknown's share in what a table says at a place, the mean of its directions."""
     ways = np.arange(layout.branches)
     there = Samples(np.tile(np.array(place), (len(ways), 1)), np.zeros(len(ways)), ways)
-    return np.asarray(Stack((layout,)).matrix(there.readings).mean(axis=0))
+    return np.asarray(core.Stack((layout,)).matrix(there.readings).mean(axis=0))
 
 
 def zeroed(fit: TableFit, row: Float[np.ndarray, " n"]) -> TableFit:
@@ -97,9 +92,9 @@ def leave_out(
     assert estimate is not None  # every fit of `fit_table` has one
     stack = estimate.posterior.problem.stack
     effect, readings, zeros = stack.effects[-1], samples.readings, {}
-    with one_blas_thread():
-        sums = sums_by_group(estimate, readings, stack.matrix(readings), groups)
-        if isinstance(effect, GroupEffect):
+    with core.one_blas_thread():
+        sums = core.sums_by_group(estimate, readings, stack.matrix(readings), groups)
+        if isinstance(effect, core.GroupEffect):
             runs, ahead = readings.inputs["run"], stack.starts[-2] - stack.band
             for label in sums:
                 absent = ~np.isin(np.arange(len(fit.runs)), runs[groups != label])
@@ -115,7 +110,7 @@ def as_alike(fit: TableFit, samples: Samples, times: float) -> TableFit:
         FitError: If so few readings determine nothing.
     """
     assert fit.estimate is not None  # every fit of `fit_table` has one
-    with one_blas_thread():
+    with core.one_blas_thread():
         estimate = fit.estimate.alike(times)
         runs = [run.run for run in fit.runs]
         told = result_of(fit.layout, estimate, fit.loss, count=len(fit.wild), runs=runs)
@@ -135,7 +130,7 @@ def as_alike(fit: TableFit, samples: Samples, times: float) -> TableFit:
 
 
 def spatial_blocks(
-    layout: TableEffect, samples: Samples, count: int = 5
+    layout: core.TableEffect, samples: Samples, count: int = 5
 ) -> Int[np.ndarray, " t"]:
     """Return a group for each reading, so many in all: interleaved blocks of neighbouring cells.
 

@@ -10,19 +10,7 @@ from scipy.ndimage import maximum_filter, median
 from scipy.special import ndtri, stdtr, stdtrit
 
 from ...data.signals import NORMAL, independent, resolution
-from ..core import (
-    Estimate,
-    FitError,
-    GroupEffect,
-    Loss,
-    Posterior,
-    Readings,
-    Stack,
-    Sums,
-    TableEffect,
-    leave_one_out,
-    sums_of,
-)
+from .. import core
 from ..core._readings import Vector
 from ._types import RunEffect, Samples, TableFit
 
@@ -53,7 +41,7 @@ ALIKE = (
 
 
 def wild_readings(
-    stack: Stack, readings: Readings, about: Vector, loss: Loss
+    stack: core.Stack, readings: core.Readings, about: Vector, loss: core.Loss
 ) -> tuple[Bool[np.ndarray, " t"], Float[np.ndarray, "3 n"]]:
     """Return which readings are wild by their residuals about an estimate, and where.
 
@@ -68,22 +56,22 @@ def wild_readings(
     return wild, nodes
 
 
-def nearest_nodes(stack: Stack, readings: Readings) -> Int[np.ndarray, " t"]:
+def nearest_nodes(stack: core.Stack, readings: core.Readings) -> Int[np.ndarray, " t"]:
     """Return the unknown of the table that each reading has the largest share in."""
     nodes, shares = stack.effects[0].design(readings)
     return np.asarray(nodes[np.arange(len(nodes)), shares.argmax(axis=1)])
 
 
 def residual_of(
-    stack: Stack, readings: Readings, values: Vector
+    stack: core.Stack, readings: core.Readings, values: Vector
 ) -> Float[np.ndarray, " t"]:
     """Return reading − fit."""
-    return sums_of(stack, readings, values, Loss(), Sums.empty(stack))[1]
+    return core.sums_of(stack, readings, values, core.Loss(), core.Sums.empty(stack))[1]
 
 
 def result_of(
-    layout: TableEffect,
-    estimate: Estimate,
+    layout: core.TableEffect,
+    estimate: core.Estimate,
     loss: str,
     *,
     count: int,
@@ -118,7 +106,7 @@ def result_of(
             "the readings do not determine the table: the least known node is uncertain "
             f"by {worst:.3g}."
         )
-        raise FitError(msg)
+        raise core.FitError(msg)
     suspects: list[int] = []
     if nodes is not None:
         nearest, weight, _ = nodes
@@ -153,7 +141,7 @@ def result_of(
 
 def folds_of(
     fit: TableFit,
-    groups: Mapping[int, Sums],
+    groups: Mapping[int, core.Sums],
     zeros: Mapping[int, Float[np.ndarray, "q m"]],
 ) -> dict[int, TableFit]:
     """Return the table without each group of readings, as `leave_one_out` takes them.
@@ -162,7 +150,7 @@ def folds_of(
     """
     assert fit.estimate is not None  # that of all readings has one
     folds = {}
-    for label, post in leave_one_out(fit.estimate, groups, zeros, {}).items():
+    for label, post in core.leave_one_out(fit.estimate, groups, zeros, {}).items():
         estimate = dataclasses.replace(fit.estimate, posterior=post, stated=True)
         count = int(post.problem.count)
         fold = result_of(fit.layout, estimate, fit.loss, count=count)
@@ -172,12 +160,12 @@ def folds_of(
 
 
 def _run_effects(
-    post: Posterior, runs: Sequence[int], variance: float
+    post: core.Posterior, runs: Sequence[int], variance: float
 ) -> tuple[RunEffect, ...]:
     """Return offset and drift of every run with their deviations."""
     stack = post.problem.stack
     effect = stack.effects[-1]
-    if not runs or not isinstance(effect, GroupEffect):
+    if not runs or not isinstance(effect, core.GroupEffect):
         return ()
     by_group, border = effect.by_group, slice(stack.here(-1).start - stack.band, None)
     inverse = post.factor.border_inverse[border, border]

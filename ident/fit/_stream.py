@@ -15,17 +15,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ..core import (
-    FitError,
-    Loss,
-    Passes,
-    Stack,
-    Sums,
-    TableEffect,
-    least_scale,
-    one_blas_thread,
-    sums_of,
-)
+from .. import core
 from ._reconsider import crowded
 from ._result import folds_of, none_left_out, result_of, wild_readings
 from ._table import TOO_MANY, fixed_weights, level_of
@@ -56,17 +46,17 @@ class StreamedFit:
     count: int
     wild: int
     crowded: int
-    groups: Mapping[int, Sums]
+    groups: Mapping[int, core.Sums]
 
     @cached_property
     def folds(self) -> dict[int, TableFit]:
         """By group, the table fitted to all readings but those of the group."""
-        with one_blas_thread():
+        with core.one_blas_thread():
             return folds_of(self.fit, self.groups, {}) if self.groups else {}
 
     def wild_of(self, samples: Samples) -> Bool[np.ndarray, " t"]:
         """Return which of some readings are wild."""
-        estimate, stack = self.fit.estimate, Stack((self.fit.layout,))
+        estimate, stack = self.fit.estimate, core.Stack((self.fit.layout,))
         if not self.wild:
             return np.zeros(len(samples.error), bool)
         assert estimate is not None
@@ -75,7 +65,7 @@ class StreamedFit:
 
 
 def fit_streamed(
-    layout: TableEffect,
+    layout: core.TableEffect,
     parts: Sequence[Part],
     grouping: Grouping | None = None,
     *,
@@ -105,7 +95,7 @@ def fit_streamed(
     weights = fixed_weights(smoothness)
     pieces = (piece.error for part in parts for piece in part())
     first = next((error for error in pieces if len(error)), np.zeros(1))
-    stack, passes = Stack((layout,)), itertools.count()
+    stack, passes = core.Stack((layout,)), itertools.count()
 
     def sum_up(*asked: Any) -> _Summed:
         next(passes)
@@ -113,13 +103,15 @@ def fit_streamed(
         total = functools.reduce(operator.add, apply(work, parts), _NOTHING)
         if not total.groups:
             msg = "found no readings, expected at least one per node."
-            raise FitError(msg)
+            raise core.FitError(msg)
         return total
 
     def attempt(loss: str) -> StreamedFit:
         firsts: list[_Summed] = []
 
-        def over(theta: Float[np.ndarray, " u"], by: Loss, former: Sums | None) -> Sums:
+        def over(
+            theta: Float[np.ndarray, " u"], by: core.Loss, former: core.Sums | None
+        ) -> core.Sums:
             groups = None if firsts else grouping
             sums = sum_up(theta, by, former is None, groups, False)
             if not firsts:
@@ -128,7 +120,8 @@ def fit_streamed(
             return sums.total if former is None else sums.total.with_matrix(former)
 
         start = np.full(stack.size, level_of(first))
-        fitted = Passes(stack, over, loss, weights, least_scale(first)).run(start)
+        floor = core.least_scale(first)
+        fitted = core.Passes(stack, over, loss, weights, floor).run(start)
         last, nodes, crowds, wild = firsts[0], None, 0, 0
         if loss != "gauss":
             about, by = fitted.about, fitted.loss
@@ -139,7 +132,7 @@ def fit_streamed(
         fit = result_of(layout, fitted, loss, count=count, spread=spread, nodes=nodes)
         return StreamedFit(fit, count, wild, crowds, last.groups)
 
-    with one_blas_thread():
+    with core.one_blas_thread():
         result, remark = attempt(loss), ""
         if loss == "student" and result.wild > TOO_MANY * result.count:
             remark = f"{none_left_out(result.wild / result.count)} "
@@ -159,7 +152,7 @@ class _Summed:
         nodes: Of `wild_readings`, if asked for.
     """
 
-    groups: Mapping[int, Sums]
+    groups: Mapping[int, core.Sums]
     extent: Extent
     nodes: Float[np.ndarray, "3 n"]
 
@@ -171,7 +164,7 @@ class _Summed:
         return _Summed(groups, extent, nodes)
 
     @property
-    def total(self) -> Sums:
+    def total(self) -> core.Sums:
         """Sums of all groups."""
         groups = (self.groups[label] for label in sorted(self.groups))
         return functools.reduce(operator.add, groups)
@@ -182,17 +175,17 @@ _NOTHING = _Summed({}, _NOWHERE, np.zeros((3, 1)))
 
 
 def _summed(
-    layout: TableEffect,
+    layout: core.TableEffect,
     theta: Float[np.ndarray, " u"],
-    loss: Loss,
+    loss: core.Loss,
     full: bool,
     grouping: Grouping | None,
     nodes: bool,
     part: Part,
 ) -> _Summed:
     """Return the sums of a part of the readings about an estimate, as they are asked for."""
-    stack, total = Stack((layout,)), _NOTHING
-    former = None if full else Sums.empty(stack)
+    stack, total = core.Stack((layout,)), _NOTHING
+    former = None if full else core.Sums.empty(stack)
     for samples in part():
         if not len(samples.error):
             continue
@@ -202,7 +195,7 @@ def _summed(
             split = {int(g): samples.take(labels == g) for g in np.unique(labels)}
         for label, group in split.items():
             about = stack, group.readings, theta, loss
-            groups[label], _ = sums_of(*about, former)
+            groups[label], _ = core.sums_of(*about, former)
             if nodes:
                 seen = seen + wild_readings(*about)[1]
         total = total + _Summed(groups, Extent.of(layout, samples), seen)

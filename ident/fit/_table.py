@@ -12,21 +12,7 @@ import scipy.sparse.linalg
 from jaxtyping import Bool, Float, Int
 from scipy.ndimage import maximum, median
 
-from ..core import (
-    NOT_DETERMINED,
-    FitError,
-    GroupEffect,
-    Loss,
-    Passes,
-    Problem,
-    Readings,
-    Stack,
-    TableEffect,
-    least_scale,
-    memory,
-    one_blas_thread,
-    sums_of,
-)
+from .. import core
 from ..core._posterior import FILL
 from ..core._readings import Vector
 from ._once import judge_once
@@ -61,9 +47,9 @@ _GARBAGE = 0.5
 """Share of wild readings from which on a run is at fault."""
 
 
-@one_blas_thread()
+@core.one_blas_thread()
 def fit_table(
-    layout: TableEffect,
+    layout: core.TableEffect,
     samples: Samples,
     *,
     smoothness: Smoothness = "auto",
@@ -131,7 +117,7 @@ def fit_table(
 
 
 def fit_values(
-    layout: TableEffect, samples: Samples, *, smoothness: float
+    layout: core.TableEffect, samples: Samples, *, smoothness: float
 ) -> Float[np.ndarray, "..."]:
     """Return the node values that minimise the penalised squares, and nothing else.
 
@@ -141,15 +127,16 @@ def fit_values(
     Raises:
         FitError: If the readings do not determine the table.
     """
-    stack = Stack((layout,))
-    with one_blas_thread():
+    stack = core.Stack((layout,))
+    with core.one_blas_thread():
         zero = np.zeros(stack.size)
-        problem = Problem.of(sums_of(stack, samples.readings, zero, Loss())[0], zero)
+        sums, _ = core.sums_of(stack, samples.readings, zero, core.Loss())
+        problem = core.Problem.of(sums, zero)
         weights = fixed_weights(smoothness)
         assert weights is not None  # a number
         values = problem.values_at(weights(problem))
     if values is None:
-        raise FitError(NOT_DETERMINED)
+        raise core.FitError(core.NOT_DETERMINED)
     return layout.to_table(values)
 
 
@@ -158,7 +145,7 @@ def level_of(error: Float[np.ndarray, " t"]) -> float:
     return float(np.median(error[:_FIRST]))
 
 
-def fixed_weights(smoothness: Smoothness) -> Callable[[Problem], Vector] | None:
+def fixed_weights(smoothness: Smoothness) -> Callable[[core.Problem], Vector] | None:
     """Return the weights that were asked for, given the sums; None for ``"auto"``.
 
     Of all second differences, without fourth ones; those that are given none fill gaps.
@@ -170,9 +157,9 @@ def fixed_weights(smoothness: Smoothness) -> Callable[[Problem], Vector] | None:
         return None
     if isinstance(smoothness, str) or not 0.0 <= smoothness < np.inf:
         msg = f"smoothness: found {smoothness!r}, expected 'auto' or a number >= 0."
-        raise FitError(msg)
+        raise core.FitError(msg)
 
-    def weights(problem: Problem) -> Vector:
+    def weights(problem: core.Problem) -> Vector:
         second = np.where(problem.stack.optional, 0.0, 1.0)
         return np.asarray(second * np.maximum(smoothness, FILL * problem.density))
 
@@ -184,7 +171,7 @@ def fixed_weights(smoothness: Smoothness) -> Callable[[Problem], Vector] | None:
 class _InMemory:
     """A fit of readings in memory, by the arguments of `fit_table`; a call makes it by one loss."""
 
-    layout: TableEffect
+    layout: core.TableEffect
     samples: Samples
     smoothness: Smoothness
     run_effects: RunEffects
@@ -206,14 +193,14 @@ class _InMemory:
     @cached_property
     def nearest(self) -> Int[np.ndarray, " t"]:
         """Unknown of the table that each reading has the largest share in."""
-        return nearest_nodes(Stack((self.layout,)), self.samples.readings)
+        return nearest_nodes(core.Stack((self.layout,)), self.samples.readings)
 
-    def stack(self, far: Sequence[int]) -> Stack:
+    def stack(self, far: Sequence[int]) -> core.Stack:
         """Return the table, and effects of the runs; some do not count in their mean."""
         table, counted = self.layout, ~np.isin(self.labels, far)
         trend = "order" if self.run_effects == "drift" else None
-        runs = (GroupEffect(counted, trend, self.kept),) if len(counted) else ()
-        return Stack((table, *runs), table.size > _DENSE)
+        runs = (core.GroupEffect(counted, trend, self.kept),) if len(counted) else ()
+        return core.Stack((table, *runs), table.size > _DENSE)
 
     @cached_property
     def kept(self) -> Float[np.ndarray, "pg k"]:
@@ -227,14 +214,14 @@ class _InMemory:
         stack, readings = self.stack(far), self.samples.readings
         error, effect = readings.value, stack.effects[-1]
         start = np.full(stack.size, level_of(error))
-        if isinstance(effect, GroupEffect):
+        if isinstance(effect, core.GroupEffect):
             runs = np.arange(len(self.labels))
             offset = median(error, readings.inputs["run"], runs) - start[0]
             start[stack.here(-1)] = effect.by_group[: len(offset)].T @ offset
-        over, weights = memory(stack, readings), fixed_weights(self.smoothness)
+        over, weights = core.memory(stack, readings), fixed_weights(self.smoothness)
         # A reading that is off by a step of the instrument is none that is wild.
-        floor = max(least_scale(error), self.steps.size)
-        passes = Passes(stack, over, loss, weights, floor)
+        floor = max(core.least_scale(error), self.steps.size)
+        passes = core.Passes(stack, over, loss, weights, floor)
         fitted = passes.run(start)
         if loss == "huber" and not fitted.converged:
             # Readings of a node that contradict all others pull evenly from any distance.
@@ -262,7 +249,7 @@ class _InMemory:
 
 
 def _kept_by_table(
-    table: TableEffect, readings: Readings, drift: bool
+    table: core.TableEffect, readings: core.Readings, drift: bool
 ) -> Float[np.ndarray, "pg k"]:
     """Return the offsets, then drifts, of runs that a table does as well, orthonormal columns.
 
@@ -276,7 +263,7 @@ def _kept_by_table(
         readings: With the number of the run of each, and its place within it for drifts.
         drift: Whether the runs have one.
     """
-    run, nodes = readings.inputs["run"], Stack((table,)).matrix(readings)
+    run, nodes = readings.inputs["run"], core.Stack((table,)).matrix(readings)
     each = sp.csr_array((np.ones(len(run)), (np.arange(len(run)), run)))
     # What smoothness does not see of the table.
     straight = scipy.linalg.orth(nodes @ table.prior.straight)

@@ -10,18 +10,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ....data.signals import NORMAL
+from ... import core
 from ..._recording import JointData
-from ...core import (
-    Estimate,
-    FitError,
-    Passes,
-    Posterior,
-    Readings,
-    Spread,
-    least_scale,
-    memory,
-    one_blas_thread,
-)
 from .._result import suspect_runs
 from .._table import fixed_weights
 from .._types import RunEffect, Smoothness
@@ -50,7 +40,7 @@ class AxisFit:
     """
 
     design: Design
-    estimate: Estimate
+    estimate: core.Estimate
     lags: Mapping[str, FoundLag]
 
     @cached_property
@@ -119,7 +109,7 @@ class AxisFit:
         return whole
 
     @cached_property
-    @one_blas_thread()
+    @core.one_blas_thread()
     def deviation(self) -> Float[np.ndarray, " n"]:
         """Standard deviation of each unknown; inf where it is confused."""
         variance = np.maximum(self._spread(self.known.variances), 0.0)
@@ -130,13 +120,13 @@ class AxisFit:
         """What the noise remembers."""
         return Memory(self)
 
-    @one_blas_thread()
+    @core.one_blas_thread()
     def covariance(self, places: Int[np.ndarray, " p"]) -> Float[np.ndarray, "p p"]:
         """Return the joint covariance of some unknowns, see `Part.covariance`."""
         known, functionals = self.known, np.zeros((self.design.size, len(places)))
         functionals[places, np.arange(len(places))] = 1.0
 
-        def within(post: Posterior) -> Spread:
+        def within(post: core.Posterior) -> core.Spread:
             return known.covariance(post, functionals)
 
         result, confounded = self._spread(within, places), known.confounded[places]
@@ -146,9 +136,9 @@ class AxisFit:
 
     def _spread(
         self,
-        within: Callable[[Posterior], Spread],
+        within: Callable[[core.Posterior], core.Spread],
         places: Int[np.ndarray, " p"] | slice = slice(None),
-    ) -> Spread:
+    ) -> core.Spread:
         """Return variances, or the covariance, of unknowns at some places under the rules.
 
         Given those of a posterior per variance of one reading.
@@ -263,9 +253,9 @@ def _start(
     design: Design,
     lags: Mapping[str, float],
     sensor: str,
-    fit: Estimate,
-    estimated: Callable[..., Estimate],
-) -> tuple[dict[str, float], Design, Estimate]:
+    fit: core.Estimate,
+    estimated: Callable[..., core.Estimate],
+) -> tuple[dict[str, float], Design, core.Estimate]:
     """Return lags with a rough one of a sensor, their columns and a rough fit by these.
 
     Without its lag, what follows a quick change of temperature looks wild, so that the search
@@ -284,10 +274,10 @@ def _start(
         trial = {**lags, sensor: float(lag)}
         columns = lagging(design, trial)
         # One that is so long leaves nothing of a change.
-        with contextlib.suppress(FitError):
+        with contextlib.suppress(core.FitError):
             trials.append((trial, columns, estimated(columns, fit, rough=True)))
     sizes = np.array([d.error - d.columns @ f.values for _, d, f in trials])
-    least = least_scale(design.error)
+    least = core.least_scale(design.error)
     scale = max(float(np.median(np.abs(sizes), axis=1).min()), least)
     # Minus log likelihood of Student's t: wild readings count alike for all lags.
     costs = 2.5 * np.log1p(np.square(sizes / (NORMAL * scale)) / 4.0).sum(axis=1)
@@ -299,9 +289,9 @@ def _estimated(
     smoothness: Smoothness,
     loss: str,
     design: Design,
-    near: Estimate | None,
+    near: core.Estimate | None,
     rough: bool = False,
-) -> Estimate:
+) -> core.Estimate:
     """Return the fit of the stack for given lags."""
     error, weights = design.error, fixed_weights(smoothness)
     if len(error) <= design.free:
@@ -309,10 +299,10 @@ def _estimated(
             f"axis {design.axis}: {len(error)} readings leave nothing to judge the "
             f"noise by; expected more than {design.free}."
         )
-        raise FitError(msg)
+        raise core.FitError(msg)
     start = np.zeros(design.size)
     start[design.datum] = float(np.median(error))
-    over = memory(design.stack, Readings(error, {}), design.columns)
-    floor = max(least_scale(error), design.steps.size)
-    passes = Passes(design.stack, over, loss, weights, floor, design.pins, rough)
+    over = core.memory(design.stack, core.Readings(error, {}), design.columns)
+    floor = max(core.least_scale(error), design.steps.size)
+    passes = core.Passes(design.stack, over, loss, weights, floor, design.pins, rough)
     return passes.run(start, near)

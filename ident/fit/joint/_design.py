@@ -18,19 +18,8 @@ from jaxtyping import Bool, Float, Int
 from scipy.ndimage import maximum, minimum
 
 from ....models import linear_weights
+from ... import core
 from ..._recording import JointData
-from ...core import (
-    ColumnsEffect,
-    FitError,
-    Independent,
-    NoPrior,
-    Smooth,
-    Stack,
-    TableEffect,
-    chain,
-    node_shares,
-    rooted,
-)
 from .._identifiable import pins_of
 from .._steps import Steps
 from ._effect import AbstractEffect, Component, Rank
@@ -62,13 +51,14 @@ class Course:
     counted: tuple[bool, ...] = ()
 
     @property
-    def walk(self) -> Independent:
+    def walk(self) -> core.Independent:
         """Prior of the bridges: a walk, of which a step of mean length has weight 1."""
         steps = np.diff(np.eye(self.steps + 1), axis=0)[:, 1:-1]
         length = np.array([high - low for low, high in self.spans])
         length = np.maximum(length, max(1e-6 * float(length.max()), 1e-300))
         share = np.repeat(length.mean() / length, self.pieces)
-        return Independent(sp.csr_array(sp.kron(sp.diags_array(np.sqrt(share)), steps)))
+        matrix = sp.kron(sp.diags_array(np.sqrt(share)), steps)
+        return core.Independent(sp.csr_array(matrix))
 
     def columns(
         self, data: JointData, axis: str, rows: Int[np.ndarray, " r"]
@@ -93,7 +83,7 @@ class Course:
         shape = (len(rows), len(labels) * (cells + 1))
         at = sp.csr_array((shares.reshape(-1), entries), shape=shape)
         # At each instant of a run: shares of the knots of its drift, and of the bridges between.
-        knots = node_shares(instants / self.steps, np.arange(self.pieces + 1.0))
+        knots = core.node_shares(instants / self.steps, np.arange(self.pieces + 1.0))
         bridges = np.eye(cells + 1)[:, instants % self.steps > 0]
         parts = {Rank.RUNS: knots, Rank.WANDER: bridges}
         unit = sp.eye_array(len(labels))
@@ -173,17 +163,17 @@ class Design:
         return places[0] if places else np.zeros(0, np.int64)
 
     @cached_property
-    def stack(self) -> Stack:
+    def stack(self) -> core.Stack:
         """The components as a stack."""
         effects = [
             part.table
-            or ColumnsEffect(
-                part.prior or NoPrior(len(part.places)),
-                least=TableEffect.least * self.largest[part.places],
+            or core.ColumnsEffect(
+                part.prior or core.NoPrior(len(part.places)),
+                least=core.TableEffect.least * self.largest[part.places],
             )
             for part in self.components
         ]
-        return Stack(tuple(effects), self.components[0].table is not None)
+        return core.Stack(tuple(effects), self.components[0].table is not None)
 
     @cached_property
     def information(self) -> sp.csr_array:
@@ -214,7 +204,7 @@ class Design:
         """Directions that neither rows nor smoothness hold, one per column."""
         priors = (prior.straight for prior, _, _ in self.stack.priors)
         straight = np.asarray(scipy.linalg.block_diag(*priors))
-        return np.asarray(straight @ rooted(self.over(straight))[1])
+        return np.asarray(straight @ core.rooted(self.over(straight))[1])
 
     @property
     def pins(self) -> Float[np.ndarray, " n"]:
@@ -278,7 +268,7 @@ def design_of(
     if not len(rows):
         names = ", ".join(effect.name for effect in effects)
         msg = f"axis {axis}: no reading has all that {names} need."
-        raise FitError(msg)
+        raise core.FitError(msg)
     columns = [block[rows] for block, _ in blocks]
     components: list[Component] = []
     count = 0
@@ -308,10 +298,12 @@ def _nuisance(
     axis: str, rank: Rank, places: Int[np.ndarray, " p"], course: Course
 ) -> Component:
     """Return datum, runs or wander; a drift of several pieces is smooth, how much by evidence."""
-    prior: Smooth | Independent | None = course.walk if rank == Rank.WANDER else None
+    prior: core.Smooth | core.Independent | None = (
+        course.walk if rank == Rank.WANDER else None
+    )
     if rank == Rank.RUNS and course.pieces > 1:
-        line = chain(np.linspace(0.0, 1.0, course.pieces + 1))
-        prior = Smooth((line,), len(course.runs), np.arange(len(places)))
+        line = core.chain(np.linspace(0.0, 1.0, course.pieces + 1))
+        prior = core.Smooth((line,), len(course.runs), np.arange(len(places)))
     name = f"{rank.name.lower()} of {axis}"
     level = "the run effects sum up to zero"
     if course.counted:
@@ -343,7 +335,7 @@ def _course(
     low, high = (np.asarray(end(time, index, numbers)) for end in (minimum, maximum))
     if not high.max() > low.min():
         msg = f"axis {axis}: all readings have one time, expected a clock that runs for a drift."
-        raise FitError(msg)
+        raise core.FitError(msg)
     # A clock may stand still within a run.
     high = np.maximum(high, np.nextafter(low, np.inf))
     spans = tuple(zip(low.tolist(), high.tolist(), strict=True))

@@ -9,14 +9,8 @@ from functools import partial
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from ... import core
 from ..._recording import JointData
-from ...core import (
-    FitError,
-    Readings,
-    leave_one_out,
-    one_blas_thread,
-    sums_by_group,
-)
 from .._table import TOO_MANY
 from .._types import RunEffect, Smoothness
 from ._axis import AxisFit, fit_axis
@@ -179,7 +173,7 @@ class JointFit:
         return result
 
 
-@one_blas_thread()
+@core.one_blas_thread()
 def fit_joint(
     data: JointData,
     effects: Sequence[AbstractEffect],
@@ -259,6 +253,7 @@ def _parts(fit: AxisFit) -> Iterator[Part]:
         part.name: dict(zip(prior.names, post.weights[terms].tolist(), strict=True))
         for part, (prior, _, terms) in priors
     }
+    told = fit.design.reached & ~known.confounded & ~known.hidden
     stated = [part.owner for part in fit.design.stated]
     for effect in fit.design.effects:
         places = fit.design.places_of(effect.name)
@@ -267,7 +262,7 @@ def _parts(fit: AxisFit) -> Iterator[Part]:
             effect=effect,
             values=fit.theta[places],
             support=post.problem.sums.support[places],
-            determined=~known.unknown[places],
+            determined=told[places],
             share=min(share for share, owner in shares if owner == effect.name),
             contribution=effect.curve(fit.theta[places], fit.design.data),
             fit=fit,
@@ -275,7 +270,7 @@ def _parts(fit: AxisFit) -> Iterator[Part]:
         )
 
 
-@one_blas_thread()
+@core.one_blas_thread()
 def held_out_errors(
     fit: JointFit, groups: Int[np.ndarray, " t"], *, runs: bool = False
 ) -> dict[str, Float[np.ndarray, " t"]]:
@@ -301,7 +296,7 @@ def _held_out(
     """Return what is left of the used readings of one axis, each fitted without its group."""
     design, estimate = fit.design, fit.estimate
     columns, error, residual = design.columns, design.error, design.error.copy()
-    sums = sums_by_group(estimate, Readings(error, {}), columns, groups)
+    sums = core.sums_by_group(estimate, core.Readings(error, {}), columns, groups)
     if len(sums) < 2:
         return residual  # without its only group nothing is known
     designs = {label: design.take(fit.active & (groups != label)) for label in sums}
@@ -310,7 +305,7 @@ def _held_out(
     if not runs:
         counted[design.places_of_rank(Rank.RUNS)] = False
         counted[design.places_of_rank(Rank.WANDER)] = False
-    for label, post in leave_one_out(estimate, sums, {}, pins).items():
+    for label, post in core.leave_one_out(estimate, sums, {}, pins).items():
         mask, slim = groups == label, designs[label]
         if len(slim.rows) <= slim.free:
             residual[mask] -= np.median(error[~mask])
@@ -321,7 +316,7 @@ def _held_out(
     return residual
 
 
-@one_blas_thread()
+@core.one_blas_thread()
 def examine_design(
     data: JointData, effects: Sequence[AbstractEffect]
 ) -> tuple[tuple[Gauge, ...], tuple[Confusion, ...]]:
@@ -351,12 +346,12 @@ def _by_axis(effects: Sequence[AbstractEffect]) -> dict[str, list[AbstractEffect
     """
     if not effects:
         msg = "found no effects, expected one at least."
-        raise FitError(msg)
+        raise core.FitError(msg)
     result: dict[str, list[AbstractEffect]] = {}
     for effect in effects:
         group = result.setdefault(effect.axis, [])
         if any(effect.name == other.name for other in group):
             msg = f"found the {effect.name} twice, expected each effect once."
-            raise FitError(msg)
+            raise core.FitError(msg)
         group.append(effect)
     return result

@@ -96,11 +96,6 @@ class Identified:
                 result[places] = True
         return result
 
-    @property
-    def unknown(self) -> Bool[np.ndarray, " n"]:
-        """Unknowns that are not known: confused, hidden or out of reach."""
-        return np.asarray(self.confounded | self.hidden | ~self.design.reached)
-
     @cached_property
     def freedoms(self) -> tuple[tuple[int, ...], tuple[Shared, ...]]:
         """Components that hold a constant, and what else pairs may exchange in any data.
