@@ -1,7 +1,7 @@
 """What goes in and what comes out: readings of a machine, and what they ask for."""
 
 import dataclasses
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Literal
 
 import numpy as np
@@ -53,15 +53,11 @@ class Observed(JointData):
         return "°" if axis in self.rotary else "mm"
 
 
-def stack(recordings: Iterable[Observed]) -> Observed:
-    """Return the rows of several recordings one after the other.
+def stack(parts: Sequence[Observed]) -> Observed:
+    """Return the rows of recordings, one at least, one after the other.
 
     Runs and sources stay apart, and each clock starts where the one before has ended.
     """
-    parts = list(recordings)
-    if not parts:
-        where, expected = "job", "at least one"
-        raise DiscoverError(where, "no measurement", expected)
     counts = [len(part) for part in parts]
     owner = np.repeat(np.arange(len(parts)), counts)
 
