@@ -50,8 +50,7 @@ class Problem:
         cls, sums: Sums, theta: Vector, gain: float = 1.0, pins: Vector | None = None
     ) -> "Problem":
         """Return the problem of some sums; pins hold unknowns that nothing else determines."""
-        stack = sums.stack
-        diagonal = np.concatenate([sums.diagonals[:, 0], np.diag(sums.border)])
+        stack, diagonal = sums.stack, sums.diagonal
         density, held = [], np.zeros(stack.size)
         for number, (prior, here, _) in enumerate(stack.priors):
             block = diagonal[here]

@@ -87,6 +87,11 @@ class Sums:
         right, tally, histogram = self.right, self.tally, self.histogram
         return dataclasses.replace(other, right=right, tally=tally, histogram=histogram)
 
+    @property
+    def diagonal(self) -> Vector:
+        """Information on each unknown alone."""
+        return np.concatenate([self.diagonals[:, 0], np.diag(self.border)])
+
     def apply(self, values: Float[np.ndarray, " u"]) -> Vector:
         """Return $A^T W A$ × values."""
         if not self.stack.band:

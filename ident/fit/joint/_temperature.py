@@ -32,7 +32,6 @@ Nodes = str | int | Sequence[Number] | Float[np.ndarray, " _n"]
 
 LAWS = ("offset", "coefficient")
 """Parameters of the line, in the order of the values."""
-_RANKS = {"offset": Rank.OFFSET, "coefficient": Rank.COEFFICIENT}
 _COUNTS = {"constant": 1, "linear": 2}
 
 
@@ -207,7 +206,7 @@ class Temperature(AbstractEffect):
         return [
             Component(
                 f"{law} of the {self.name}",
-                _RANKS[law],
+                Rank[law.upper()],
                 columns,
                 self,
                 reference=node_shares(np.array([at]), self.nodes[law]),
