@@ -181,7 +181,6 @@ def robust_groups(
     # Before anything is known, no reading may decide alone.
     outer = float(np.quantile(np.abs(error), _OUTER)) or 1.0
     weight = 1.0 / (1.0 + (error / outer) ** 2)
-
     begun = Groups.of(columns, slices, error, weight)
     groups = begun.estimated(least(begun.size))
     # What wild readings have hidden at first is looked for anew.

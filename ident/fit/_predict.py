@@ -59,7 +59,7 @@ def zeroed(fit: TableFit, row: Float[np.ndarray, " n"]) -> TableFit:
     readings.
     """
     effect = fit.layout
-    zero = float(row @ effect.to_values(fit.values))
+    values = fit.values - float(row @ effect.to_values(fit.values))
     assert fit.estimate is not None  # only folds have none
     posterior = fit.estimate.posterior
     here = posterior.problem.stack.here(0)
@@ -71,9 +71,7 @@ def zeroed(fit: TableFit, row: Float[np.ndarray, " n"]) -> TableFit:
     shared = scale * posterior.factor.solve(unknowns)[here]
     gain = effect.to_table(row @ shared - 2.0 * shared)
     deviation = np.sqrt(np.maximum(np.square(fit.standard_deviation) + gain, 0.0))
-    return dataclasses.replace(
-        fit, values=fit.values - zero, standard_deviation=deviation
-    )
+    return dataclasses.replace(fit, values=values, standard_deviation=deviation)
 
 
 def leave_out(

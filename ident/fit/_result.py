@@ -174,9 +174,8 @@ def _run_effects(
     rows = np.zeros((4, len(runs)))
     rows[: 2 * effect.parts : 2] = values.reshape(effect.parts, -1)
     rows[1 : 2 * effect.parts : 2] = deviations.reshape(effect.parts, -1)
-    return tuple(
-        RunEffect(run, *row) for run, row in zip(runs, rows.T.tolist(), strict=True)
-    )
+    pairs = zip(runs, rows.T.tolist(), strict=True)
+    return tuple(RunEffect(run, *row) for run, row in pairs)
 
 
 def far_runs(runs: Sequence[RunEffect]) -> tuple[int, ...]:

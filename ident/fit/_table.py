@@ -205,9 +205,8 @@ class _InMemory:
     @cached_property
     def kept(self) -> Float[np.ndarray, "pg k"]:
         """Effects of the runs that the table does as well."""
-        return _kept_by_table(
-            self.layout, self.samples.readings, self.run_effects == "drift"
-        )
+        drift = self.run_effects == "drift"
+        return _kept_by_table(self.layout, self.samples.readings, drift)
 
     def __call__(self, loss: str, far: Sequence[int]) -> TableFit:
         """Return the fit by one loss, some runs left out of the mean of all."""

@@ -176,16 +176,15 @@ class _Task:
 
     def __post_init__(self) -> None:
         guess, samples, msg = self.guess, self.samples, ""
+        known = isinstance(guess.structure, CoulombViscous | Stribeck)
         if not guess.has_law or "inertia" in guess.undetermined:
             names = ", ".join(guess.undetermined)
             msg = f"output error: the fit to start from does not know {names}."
-        elif (
-            not isinstance(guess.structure, CoulombViscous | Stribeck) or samples.loads
-        ):
+        elif samples.loads or not known:
+            loads = " with further loads" if samples.loads else ""
             msg = (
-                f"output error: found {guess.structure.words}"
-                + (" with further loads" if samples.loads else "")
-                + ", expected Coulomb + viscous or Stribeck friction without them."
+                f"output error: found {guess.structure.words}{loads}, expected Coulomb +"
+                " viscous or Stribeck friction without them."
             )
         elif samples.position is None:
             msg = "output error: the recording holds no positions."

@@ -64,9 +64,8 @@ class AxisFit:
     @cached_property
     def _about(self) -> Float[np.ndarray, " r"]:
         """Error − the estimate that the last pass was about."""
-        return np.asarray(
-            self.design.error - self.design.columns @ self.estimate.centre
-        )
+        fitted = self.design.columns @ self.estimate.centre
+        return np.asarray(self.design.error - fitted)
 
     @cached_property
     def active(self) -> Bool[np.ndarray, " r"]:

@@ -242,6 +242,5 @@ def drift_beside(
 
 def times(spread: Spread, factors: Float[np.ndarray, " k"]) -> Spread:
     """Return variances, or the covariance, of values times factors."""
-    return np.asarray(
-        spread * (factors**2 if spread.ndim == 1 else np.outer(factors, factors))
-    )
+    both = factors**2 if spread.ndim == 1 else np.outer(factors, factors)
+    return np.asarray(spread * both)
