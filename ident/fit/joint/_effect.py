@@ -121,7 +121,8 @@ class AbstractEffect(abc.ABC):
     @property
     def sensor_names(self) -> tuple[str, ...]:
         """Temperature sensors on which it depends, each once."""
-        return ()
+        sensors = (name for channel, name in self.inputs if channel == "temperature")
+        return tuple(dict.fromkeys(sensors))
 
     @property
     def name(self) -> str:
@@ -155,8 +156,8 @@ class AbstractEffect(abc.ABC):
 
     @property
     def timed(self) -> bool:
-        """Whether it needs the time of every reading."""
-        return False
+        """Whether it needs the time of every reading, as a lag does."""
+        return any(lag != 0.0 for lag in self.lags.values())
 
     @property
     def roles(self) -> tuple[str, ...]:
@@ -175,7 +176,8 @@ class AbstractEffect(abc.ABC):
     @property
     def ranges(self) -> Ranges:
         """From where to where its inputs make a difference; one left out does at any size."""
-        return {}
+        lines = zip(self.masters, self.grid, strict=False)  # what is no table has none
+        return {("position", k): (float(x[0]), float(x[-1])) for k, x in lines}
 
     @property
     def lags(self) -> Mapping[str, Number | str]:

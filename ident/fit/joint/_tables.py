@@ -19,7 +19,6 @@ from ._effect import (
     Component,
     Inputs,
     Number,
-    Ranges,
     Rank,
     Rows,
     numbers_of,
@@ -59,13 +58,6 @@ class AbstractTable(AbstractEffect):
         both = self.table_effect.branches == 2
         direction = (("direction", self.axis),) if both else ()
         return (*(("position", master) for master in self.masters), *direction)
-
-    @property
-    def ranges(self) -> Ranges:
-        return {
-            ("position", master): (float(nodes[0]), float(nodes[-1]))
-            for master, nodes in zip(self.masters, self.grid, strict=True)
-        }
 
     @cached_property
     def _place(self) -> Int[np.ndarray, " p"]:

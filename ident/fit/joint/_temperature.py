@@ -128,10 +128,6 @@ class Temperature(AbstractEffect):
         return (self.axis,) if "coefficient" in self.sensors else ()
 
     @property
-    def sensor_names(self) -> tuple[str, ...]:
-        return tuple(dict.fromkeys(self.sensors.values()))
-
-    @property
     def name(self) -> str:
         return f"temperature of {self.axis} ({' and '.join(self.sensor_names)})"
 
@@ -221,10 +217,6 @@ class Temperature(AbstractEffect):
     def inputs(self) -> Inputs:
         sensors = [("temperature", sensor) for sensor in self.sensors.values()]
         return (*sensors, *(("position", axis) for axis in self.masters))
-
-    @property
-    def timed(self) -> bool:
-        return any(lag != 0.0 for lag in self.lags.values())
 
     @property
     def ranges(self) -> Ranges:
