@@ -277,8 +277,7 @@ class FrictionFit:
         """Sentences on what can only be told together."""
         structure, offset = self.structure, self.loads[1]
         recorded = self.equation.recording.samples.directions
-        parted = structure.directional
-        if not parted and all(recorded):
+        if not structure.directional and all(recorded):
             return ()
         mean = structure.levels / structure.levels.sum()
         levels = self.factors.reshape(structure.ways, -1) @ mean

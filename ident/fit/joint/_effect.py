@@ -177,7 +177,10 @@ class AbstractEffect(abc.ABC):
     def ranges(self) -> Ranges:
         """From where to where its inputs make a difference; one left out does at any size."""
         lines = zip(self.masters, self.grid, strict=False)  # what is no table has none
-        return {("position", k): (float(x[0]), float(x[-1])) for k, x in lines}
+        return {
+            ("position", master): (float(nodes[0]), float(nodes[-1]))
+            for master, nodes in lines
+        }
 
     @property
     def lags(self) -> Mapping[str, Number | str]:
