@@ -243,7 +243,9 @@ class NoPrior(AbstractPrior):
 
     size: int
 
-    rows = ()
+    @cached_property
+    def rows(self) -> tuple[sp.csr_array, ...]:
+        return ()
 
     @property
     def straight(self) -> Float[np.ndarray, "n z"]:

@@ -187,8 +187,13 @@ class AbstractStructure(abc.ABC):
 class CoulombViscous(AbstractStructure):
     """A constant level and a slope: 2 factors per direction."""
 
-    label = "Coulomb + viscous"
-    factors = ("coulomb", "viscous")
+    @property
+    def label(self) -> str:
+        return "Coulomb + viscous"
+
+    @property
+    def factors(self) -> tuple[str, ...]:
+        return ("coulomb", "viscous")
 
     def law(self, factors: Float[np.ndarray, "w k"], shape: Shape) -> AbstractFriction:
         coulomb, viscous = factors[0] if len(factors) == 1 else factors.T
@@ -206,7 +211,9 @@ class Stribeck(AbstractStructure):
 
     exponent: float | None = None
 
-    factors = ("coulomb", "viscous", "drop")
+    @property
+    def factors(self) -> tuple[str, ...]:
+        return ("coulomb", "viscous", "drop")
 
     @property
     def label(self) -> str:

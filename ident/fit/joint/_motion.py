@@ -42,7 +42,6 @@ class Backlash(AbstractEffect):
     reference: int = 1
 
     compensation = "backlash"
-    labels = ("width",)
     no_keys = ("reference",)
     rank = Rank.BACKLASH
     remedy = "measure {axis} in both directions."
@@ -56,6 +55,10 @@ class Backlash(AbstractEffect):
     def __post_init__(self) -> None:
         valid = self.reference in (1, -1)
         self.expect(valid, f"reference {self.reference}", "1 or -1.")
+
+    @cached_property
+    def labels(self) -> tuple[str, ...]:
+        return ("width",)
 
     @property
     def inputs(self) -> Inputs:
@@ -97,8 +100,6 @@ class Delay(AbstractEffect):
     origin: float | None = None
 
     compensation = "delay"
-    labels = ("delay", "rate of the delay")
-    timed = True
     rank = Rank.DELAY
     remedy = "move {axis} at several speeds."
     remedies: ClassVar[Mapping[Rank | None, str]] = {
@@ -107,9 +108,17 @@ class Delay(AbstractEffect):
     }
     one_unit = False
 
+    @cached_property
+    def labels(self) -> tuple[str, ...]:
+        return ("delay", "rate of the delay")
+
     @property
     def inputs(self) -> Inputs:
         return (("velocity", self.axis),)
+
+    @property
+    def timed(self) -> bool:
+        return True
 
     def placed(self, data: JointData) -> "Delay":
         if self.origin is not None:
