@@ -241,12 +241,7 @@ def _products(
 
 
 def _by_loop(
-    stack: Stack,
-    readings: Readings,
-    theta: Vector,
-    loss: Loss,
-    full: bool,
-    axes: Axes,
+    stack: Stack, readings: Readings, theta: Vector, loss: Loss, full: bool, axes: Axes
 ) -> tuple[Sums, Float[np.ndarray, " t"]]:
     """Return the sums over a plane and its residuals, by the compiled loop on all cores."""
     from ._kernel import add_plane

@@ -17,7 +17,4 @@ from ._data import (
     stack as stack,
 )
 from ._discover import discover as discover
-from ._unexplained import (
-    against_drift as against_drift,
-    heat_or_drift as heat_or_drift,
-)
+from ._unexplained import against_drift as against_drift, heat_or_drift as heat_or_drift

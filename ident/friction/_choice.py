@@ -259,9 +259,7 @@ def _windows(recording: Recording) -> Int[np.ndarray, " s"]:
 
 
 def _hold_out(
-    fit: FrictionFit,
-    window: Int[np.ndarray, " s"],
-    touched: Int[np.ndarray, "2 w"],
+    fit: FrictionFit, window: Int[np.ndarray, " s"], touched: Int[np.ndarray, "2 w"]
 ) -> tuple[tuple[FrictionFit, ...], Float[np.ndarray, " s"]]:
     """Return what a law is without each window, and the error of each row when held out.
 

@@ -14,15 +14,7 @@ from jaxtyping import Float, Int
 
 from .... import models
 from ...core import FitError, Readings, Smooth, TableEffect, axis_nodes
-from ._effect import (
-    AbstractEffect,
-    Component,
-    Inputs,
-    Number,
-    Rank,
-    Rows,
-    numbers_of,
-)
+from ._effect import AbstractEffect, Component, Inputs, Number, Rank, Rows, numbers_of
 
 Numbers = Sequence[Number] | Float[np.ndarray, " n"]
 _DIGITS = 10
