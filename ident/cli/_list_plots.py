@@ -67,11 +67,12 @@ def _planes(drawn: _Drawn) -> Figure:
     figure.set_layout_engine("compressed")
     fields = [np.asarray(plane.offsets) for _, plane in drawn]
     limit = max(float(np.abs(field).max(initial=0.0)) for field in fields) or 1.0
+    layers = []
     for axes, (age, plane), field in zip(every, drawn, fields, strict=True):
         nodes, labels = map(np.asarray, plane.nodes), [_along(plane, k) for k in (0, 1)]
-        layer = heat(axes, [*nodes], field, (-limit, limit), labels)
+        layers.append(heat(axes, [*nodes], field, (-limit, limit), labels))
         axes.set_title(_title(age, plane))
-    figure.colorbar(layer, ax=every, label=_adds(drawn[0][1]))
+    figure.colorbar(layers[0], ax=every, label=_adds(drawn[0][1]))
     return figure
 
 

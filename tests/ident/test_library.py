@@ -648,7 +648,7 @@ def test_a_slope_that_no_temperature_moves_is_in_no_coefficient() -> None:
     place = 50.0 * place
     error = (30e-6 + 12e-6 * (warm - 20.0)) * place + rng.normal(0.0, 3e-4, 54)
     data = {"X.position": place, "X.error": error, "temperature.scale": warm}
-    fit = axcomp.fit(axcomp.Temperature("X", sensor="scale"), data)
+    fit = axcomp.fit([axcomp.Temperature("X", sensor="scale")], data)
     law, sigma = fit["temperature"].model, fit["temperature"].standard_deviation
     found = np.asarray(law.coefficient.values)
     deviation = np.asarray(sigma.coefficient.values)
@@ -656,6 +656,7 @@ def test_a_slope_that_no_temperature_moves_is_in_no_coefficient() -> None:
     truth = -12e-6 * (np.asarray(law.coefficient.nodes.points) - 20.0)
     assert np.all(np.abs(found - truth) < 4.0 * deviation)
     assert np.all(deviation < 1.5e-6)
+    assert fit.joint is not None
     beside = fit.joint.part("leadscrew of X")
     assert np.ptp(beside.values) == pytest.approx(30e-6 * 400.0, abs=1e-3)
     assert [*fit] == ["temperature"]

@@ -218,20 +218,21 @@ def residual_plot(fit: FrictionResult, scale: Scale) -> Plot | None:
         f"velocity in {unit}/s": (view.samples.velocity, residual),
         f"position in {unit}": (view.recording.commanded, beyond),
     }
+    largest = 0.0
     for panel, (name, (x, value)) in zip(panels, views.items(), strict=True):
         panel.plot(
             x[chosen], value, linestyle="none", marker=".", markersize=1.6,
             color=style.BLUE, alpha=0.35, markeredgewidth=0, rasterized=True,
         )  # fmt: skip
         places, middle, _ = _binned(x[chosen], value, _FINE)
+        largest = float(np.max(np.abs(middle), initial=0.0))  # in the end by place
         panel.plot(places, middle, color=style.ORANGE, linewidth=1.3)
         panel.axhline(0, color=style.INK, linewidth=0.7)
         panel.set_ylim(-limit, limit)
         panel.set_xlabel(name)
     panels[0].set_ylabel(f"remaining in {scale.error}")
     level = float(np.median(np.abs(view.before[rows])))
-    moved = float(np.max(np.abs(middle), initial=0.0))  # over the position
-    percentage = percent(moved / level) if level else "–"
+    percentage = percent(largest / level) if level else "–"
     caption = (
         "Current that lists made of the other windows leave, sample by sample; the line"
         " is the running median. Over the position, where the whole law is taken off, it"

@@ -127,7 +127,7 @@ def test_ipopt_in_a_job_ends_no_higher_than_optimistix(
     second = run(driven, 0.004, 'method = "output_error"\nsolver = "ipopt"')
     assert output.view.found.output is not None
     assert second.view.found.output is not None
-    assert second.law.method == "output error (ipopt)"
+    assert second.view.found.law.method == "output error (ipopt)"
     # A current that comes late makes many bottoms: the solvers end in some of them.
     assert second.view.found.output.cost <= 1.05 * output.view.found.output.cost
 
