@@ -222,7 +222,7 @@ def _listing(
     """Return the compensation list of an axis, edited or new, and what changed in it."""
     axis, existing = drafts[0].axis, drafts[0].lists.compensation
     spec = job.spec.axes[axis]
-    name, file = spec.name or axis[:16], compensation_file(spec.number)
+    name = spec.name or axis[:16]
     edited = with_tables(
         existing,
         spec.number,
@@ -231,10 +231,10 @@ def _listing(
         f"Job: {job.spec.title or job.path.name}",
         name=name,
     )
-    listing = dataclasses.replace(edited.listing, source=file)
+    listing = edited.listing
     if existing is None:
         words = (
-            f"{file} is a new list, since no list of {axis} was given: copied over"
+            f"{listing.source} is a new list, since no list of {axis} was given: copied over"
             " another one, it would lose that one's other compensations."
         )
         return listing, [Remark.info(words)]

@@ -8,7 +8,7 @@ import tempfile
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 
-from ....data.errors import AxcompError
+from ....data.errors import SourceError
 from ....data.files import keep_copy, write_atomically
 
 REJECTED = "rejected"
@@ -24,15 +24,8 @@ _SIGNED = "<!-- {} -->\n"
 """How pages and drawings end: with the digest of what stands before, as a comment."""
 
 
-class OutputError(AxcompError, OSError):
+class OutputError(SourceError, OSError):
     """A folder or file that cannot be written."""
-
-    def __init__(self, path: str, reason: str) -> None:
-        super().__init__(path, reason)
-        self.path, self.reason = path, reason
-
-    def __str__(self) -> str:
-        return f"{self.path}: {self.reason}"
 
 
 def signed(text: str, comment: str = _SIGNED) -> bytes:
@@ -143,11 +136,11 @@ class OutFolder:
         for name in names:
             target = self.root / name
             if target.resolve() in theirs:
-                raise OutputError(
-                    path=str(target),
-                    reason="is an input and is never written onto,"
-                    " expected another output folder (--out)",
+                reason = (
+                    "is an input and is never written onto, expected another output"
+                    " folder (--out)"
                 )
+                raise OutputError(str(target), reason)
 
     def write(self, name: str, content: bytes) -> Path:
         """Write a file and return its name, relative to the folder.
