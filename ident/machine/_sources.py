@@ -172,7 +172,8 @@ def part_growth(
 
     def error(at: State) -> Column:
         warmer = at.temperature.get(part, np.full(at.rows, HALL)) - HALL
-        return warmer * (shift + stretch * (at.position[axis] - reference))
+        distance = at.position[axis] - reference if stretch else 0.0
+        return warmer * (shift + stretch * distance)
 
     return ErrorSource(axis, "temperature", error)
 
