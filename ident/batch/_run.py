@@ -112,7 +112,11 @@ def run_batch(
     out = out.resolve()
     if out.is_file():
         raise BatchError(str(out), "found a file, expected a folder")
-    out.mkdir(parents=True, exist_ok=True)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        reason = f"cannot write into the folder of the batch: {error.strerror}"
+        raise BatchError(str(out), reason) from None
     with locked(out):
         tasks = collect_jobs(jobs, out)
         hashes = {task.name: task.sha256 for task in tasks}

@@ -193,6 +193,8 @@ def write_lists(
     for number in numbers:
         natural = isinstance(number, Integral) and number >= 1
         expect(natural, "axis", repr(number), "its logical number, 1 or more")
+    once = len({*numbers}) == len(numbers)
+    expect(once, "models", f"axes {numbers}", "one AxisModels per axis")
     surplus = {*(lists or {})} - {*numbers}
     expect(not surplus, "lists", f"axes {sorted(surplus)}", f"some of {numbers}")
     given_files: set[Path] = set()

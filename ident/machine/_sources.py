@@ -200,7 +200,9 @@ def nodding(
     """
 
     def error(at: State) -> Column:
-        rate = at.acceleration.get(master, np.zeros(at.rows)) / 1000.0
+        if master not in at.acceleration:
+            return np.zeros(at.rows)
+        rate = at.acceleration[master] / 1000.0
         size = at_start + (at_end - at_start) * (at.position[along] / length)
         return size * np.where(rate < 0.0, braking, 1.0) * rate
 

@@ -183,7 +183,9 @@ def _diagnosed(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
         unseen = {} if fit.again.readings is None else fit.again.readings.unseen
         saw = " and ".join(_saw(fit, unseen))
         source = f"({file}, {date}){saw and f', which {saw}'}"
-        return f"Not verified by a second measurement {source}{words}."
+        doubt = " A slope may be all that the list adds: what is left is no proof."
+        doubt *= "slope" in unseen
+        return f"Not verified by a second measurement {source}{words}.{doubt}"
     does = _DOES[str(reason.fields["verdict"])]
     return f"Take the list out again: {does}{words}; {_again(fit, scale)}."
 
@@ -249,11 +251,9 @@ def _in_part(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
             f"does not show where {fit.axis} as a whole lies (remove, datum), so that"
             f" {fields['zero']} stays assumed"
         )
-    if "zero" in fields or "slope" in fields:
-        ask = (
-            "measure again with an instrument whose line is known, with one zero before and"
-            " after, without remove and datum"
-        )
+        ask = "measure again with one zero before and after, without remove and datum"
+    elif {*fields} == {"slope"}:
+        ask = "measure again with an instrument whose line is known, without remove"
     return (
         f"Verified in part: {_fall(fit, scale)}; {_again(fit, scale)}, which"
         f" {' and '.join(clauses)}: {ask}."

@@ -210,7 +210,7 @@ def test_lists_of_other_axes_are_not_left_out(tmp_path: Path) -> None:
         write_lists(models, tmp_path / "new", lists={2: old})
     with pytest.raises(ExchangeError, match="models: found Leadscrew, expected AxisM"):
         write_lists(SCREW, tmp_path / "new")  # type: ignore[arg-type]
-    with pytest.raises(ExchangeError, match="a second compensation list of axis 1"):
+    with pytest.raises(ExchangeError, match="expected one AxisModels per axis"):
         write_lists([models, models], tmp_path / "new")
     assert not (tmp_path / "new").exists()
 
