@@ -1,6 +1,6 @@
 """From a job file to proven lists: plan, readings, fits, drafts, gate, files, result.
 
-`_run.run_job` goes the whole way. `file._load.load_job` gives a `Job`; `fit_all` there plans all
+`_run.run_job` goes the whole way. `file._load.load_job` gives a `Job`; `_run.fit_all` plans all
 fits, then fits one after the other (`_acting` is what acts beside a fit and did not while it was
 measured). `write._lists` makes the `AxisFiles` of each axis, each with its gate (`_gating`), and
 `_whole` judges all that will act on an axis, read as the controller does. What lies in the

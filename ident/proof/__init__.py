@@ -1,7 +1,7 @@
 """Why a list can be trusted: held-out prediction, the gate, and what a controller shows.
 
-Read `_figures` (how large an error is, and of each reading under the list that was fitted
-without it), `_dynamics` (the motion that a table adds), `_gate` (what it may do), `axis` (all
+Read `_figures` (how large an error is, and what the list that was fitted without a reading
+leaves of that), `_dynamics` (the motion that a table adds), `_gate` (what it may do), `axis` (all
 that acts on one axis, judged together), `_circle` (what friction does to a circle). Folders:
 `verify` (a controller's log against its lists), `doctor` (measurements without and with the
 lists).
